@@ -1,0 +1,1 @@
+"""From reference points to a calibration: fitting, quality, load and save."""

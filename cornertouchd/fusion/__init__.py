@@ -1,0 +1,1 @@
+"""All cameras, pure: pairing in time, crossing in space, tracking."""

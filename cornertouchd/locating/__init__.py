@@ -1,0 +1,1 @@
+"""Column of a picture -> directing line on the surface, one module per method."""

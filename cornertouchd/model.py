@@ -1,0 +1,136 @@
+"""The values that flow from pictures to touches: frozen, typed, units in their names.
+
+Positions on the surface are millimetres, origin top-left, x right, y down.  Columns and rows are
+continuous pixels: the centre of the first pixel is at 0.5.  Times are CLOCK_MONOTONIC seconds,
+taken when the picture was taken.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Picture = NDArray[np.uint8]
+ContactKind = Literal["finger", "palm", "pen"]
+
+
+@dataclass(frozen=True, slots=True)
+class PictureFormat:
+    """The size of a camera's full image and the band of its rows that a picture holds."""
+
+    width_px: int
+    height_px: int
+    row_offset_px: int
+    rows_px: int
+
+    def __str__(self) -> str:
+        last = self.row_offset_px + self.rows_px
+        return f"{self.width_px}x{self.height_px}, rows {self.row_offset_px}..{last}"
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One picture of one camera: a band of rows, 8-bit grey, (rows_px, width_px)."""
+
+    camera: str
+    sequence: int
+    captured_at_s: float
+    lit_mask: int | None
+    pixels: Picture
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """Brightness along the strip, one value a column.
+
+    `brightness` is 1 where the strip is as bright as when it was empty and 0 where no light of it
+    arrives; columns where `known` is False carry no information and are interpolated.
+    """
+
+    brightness: FloatArray
+    known: BoolArray
+
+
+@dataclass(frozen=True, slots=True)
+class Shadow:
+    """A dark interval of a profile between two sub-pixel columns.
+
+    An edge that lies at the border of what the camera can see (or at an unknown column) is not
+    valid: the object may reach beyond it.  `depth` is the share of light missing at the darkest
+    place, 0..1.
+    """
+
+    left_px: float
+    right_px: float
+    left_valid: bool
+    right_valid: bool
+    depth: float
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What one camera saw in one frame: the only thing that leaves its capture thread."""
+
+    camera: str
+    sequence: int
+    captured_at_s: float
+    shadows: tuple[Shadow, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSet:
+    """The observations of one instant, at most one a camera, in the order of the cameras."""
+
+    captured_at_s: float
+    observations: tuple[Observation, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DirectingLine:
+    """The line on the surface from a camera through a shadow; angle from +x towards +y."""
+
+    camera: str
+    x_mm: float
+    y_mm: float
+    angle_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A place touched in one frame set.
+
+    `cameras` are those whose shadows it explains; `confidence` is 0..1; `sigma_mm` is the
+    standard deviation of the position.
+    """
+
+    x_mm: float
+    y_mm: float
+    diameter_mm: float
+    cameras: tuple[str, ...]
+    confidence: float
+    sigma_mm: float
+    touching: bool = True
+    kind: ContactKind = "finger"
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """A contact followed over time.  `id` is never used twice by the same tracker."""
+
+    id: int
+    x_mm: float
+    y_mm: float
+    vx_mm_s: float
+    vy_mm_s: float
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class TouchFrame:
+    """All touches of one instant."""
+
+    captured_at_s: float
+    touches: tuple[Touch, ...]

@@ -1,0 +1,78 @@
+"""What the daemon needs from the world, as protocols; `devices` and `simulation` fill them."""
+
+from typing import Protocol
+
+from cornertouchd.model import Frame, PictureFormat, TouchFrame
+
+
+class CameraError(Exception):
+    """A camera cannot be opened or gives no more pictures; the message says which and why."""
+
+
+class Camera(Protocol):
+    """An opened camera.  Used by one thread."""
+
+    def read(self, timeout_s: float) -> Frame | None:
+        """Return the next picture, or None if none came in time.
+
+        Never returns a picture twice.  Raises `CameraError` when the camera is gone or what it
+        sends cannot be used; it must then be closed and opened anew.
+        """
+        ...
+
+    def close(self) -> None:
+        """Give the device back.  May be called twice."""
+        ...
+
+
+class CameraPort(Protocol):
+    """A place where one camera can be opened, as often as it takes."""
+
+    @property
+    def id(self) -> str:
+        """Name of the camera: C1, C2, ..."""
+        ...
+
+    @property
+    def format(self) -> PictureFormat:
+        """Size and rows of the pictures that it gives."""
+        ...
+
+    def open(self) -> Camera:
+        """Open the camera.  Raises `CameraError` when it is not there or refuses the format."""
+        ...
+
+
+class TouchSink(Protocol):
+    """Where touches go.  Called from the fusion thread only; never blocks, never raises.
+
+    `now_s` is the time of the call on the same clock for all methods.
+    """
+
+    def send(self, frame: TouchFrame, now_s: float) -> None:
+        """Tell the touches of one instant."""
+        ...
+
+    def lift_all(self, now_s: float) -> None:
+        """Tell that there are no touches any more: the cameras are lost, or the daemon stops."""
+        ...
+
+    def tick(self, now_s: float) -> None:
+        """Do what time demands (repeats, keep-alive); called at least every 25 ms."""
+        ...
+
+    def close(self) -> None:
+        """Lift all touches, say so for the last time and free what is held; takes <= 0.2 s."""
+        ...
+
+
+class Clock(Protocol):
+    """Time, so that tests and replays can bring their own."""
+
+    def now_s(self) -> float:
+        """Return CLOCK_MONOTONIC seconds."""
+        ...
+
+    def sleep_until(self, time_s: float) -> None:
+        """Return when `now_s()` has reached `time_s`."""
+        ...

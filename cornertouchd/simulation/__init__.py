@@ -1,0 +1,1 @@
+"""A simulated rig that fills the same ports as real devices."""
