@@ -99,6 +99,26 @@ class DirectingLine:
 
 
 @dataclass(frozen=True, slots=True)
+class Bearings:
+    """The K shadows of one camera laid on the surface: angles of lines through (x_mm, y_mm).
+
+    A shadow lies between `first_rad` and `last_rad` (first < last); `centre_rad` belongs to the
+    middle of its columns.  An edge that is not valid bounds nothing.  `sigma_rad` is the standard
+    deviation of an edge.  All arrays are (K,), ordered by `first_rad`.
+    """
+
+    camera: str
+    x_mm: float
+    y_mm: float
+    first_rad: FloatArray
+    centre_rad: FloatArray
+    last_rad: FloatArray
+    first_valid: BoolArray
+    last_valid: BoolArray
+    sigma_rad: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class Contact:
     """A place touched in one frame set.
 
