@@ -1,0 +1,37 @@
+"""From a picture to its shadows, by the method that the settings choose."""
+
+from typing import Protocol
+
+from cornertouchd.config import VisionSettings
+from cornertouchd.model import FloatArray, Picture, Shadow
+from cornertouchd.vision.paper_edges import PaperFinder
+from cornertouchd.vision.profile import ProfileSampler
+from cornertouchd.vision.shadows import find_shadows
+from cornertouchd.vision.strip import Strip
+
+
+class ShadowFinder(Protocol):
+    """Finds the shadows in pictures of one camera."""
+
+    def find(self, picture: Picture) -> tuple[Shadow, ...]:
+        """Return the shadows of a picture (rows, width_px) from left to right."""
+        ...
+
+
+class ProfileFinder:
+    """The default: sub-pixel edges in the profile at the horizon."""
+
+    def __init__(self, strip: Strip, empty: FloatArray, settings: VisionSettings) -> None:
+        self._sampler = ProfileSampler(strip, empty, settings)
+        self._settings = settings
+
+    def find(self, picture: Picture) -> tuple[Shadow, ...]:
+        """Return the shadows of a picture (rows, width_px) from left to right."""
+        return find_shadows(self._sampler.sample(picture), self._settings)
+
+
+def make_finder(strip: Strip, empty: FloatArray, settings: VisionSettings) -> ShadowFinder:
+    """Return the finder that the settings choose; `empty` is the mean of empty pictures."""
+    if settings.edges == "paper":
+        return PaperFinder(strip, len(empty), settings.paper)
+    return ProfileFinder(strip, empty, settings)

@@ -1,0 +1,127 @@
+"""Shadows in profiles made by formula, whose edges are known exactly."""
+
+from math import sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.special import erf
+
+from cornertouchd.config import VisionSettings
+from cornertouchd.model import FloatArray, Profile
+from cornertouchd.vision.shadows import find_shadows
+
+SETTINGS = VisionSettings()
+WIDTH = 200
+
+
+def shade(brightness: FloatArray, left_px: float, right_px: float) -> FloatArray:
+    """Lay a shadow with blurred edges over a profile, as a lens and pixels of width 1 do."""
+    columns = np.arange(len(brightness)) + 0.5
+    blur = sqrt(2 * (SETTINGS.edge_blur_px**2 + 1 / 12))
+    covered = (erf((columns - left_px) / blur) - erf((columns - right_px) / blur)) / 2
+    return brightness * (1 - (1 - SETTINGS.dark_share) * covered)
+
+
+def profile(*shadows: tuple[float, float], unknown: slice = slice(0, 0)) -> Profile:
+    brightness = np.ones(WIDTH)
+    for left, right in shadows:
+        brightness = shade(brightness, left, right)
+    known = np.ones(WIDTH, bool)
+    known[unknown] = False
+    return Profile(brightness, known)
+
+
+def test_an_empty_strip_has_no_shadow() -> None:
+    assert find_shadows(profile(), SETTINGS) == ()
+
+
+@given(left=st.floats(20, 150), width=st.floats(1.5, 30))
+def test_edges_are_found_to_a_twentieth_of_a_column(left: float, width: float) -> None:
+    (shadow,) = find_shadows(profile((left, left + width)), SETTINGS)
+    assert shadow.left_px == pytest.approx(left, abs=0.05)
+    assert shadow.right_px == pytest.approx(left + width, abs=0.05)
+    assert shadow.left_valid
+    assert shadow.right_valid
+
+
+@given(left=st.floats(20, 150), width=st.floats(2, 30), seed=st.integers(0, 2**32 - 1))
+def test_noise_of_one_percent_moves_edges_by_less_than_a_quarter_column(
+    left: float, width: float, seed: int
+) -> None:
+    clean = profile((left, left + width))
+    noise = 0.01 * np.random.default_rng(seed).standard_normal(WIDTH).clip(-3, 3)
+    (shadow,) = find_shadows(Profile(clean.brightness + noise, clean.known), SETTINGS)
+    assert shadow.left_px == pytest.approx(left, abs=0.25)
+    assert shadow.right_px == pytest.approx(left + width, abs=0.25)
+
+
+def test_two_fingers_side_by_side_are_two_shadows() -> None:
+    shadows = find_shadows(profile((50, 60), (66, 80)), SETTINGS)
+    assert [round(shadow.left_px) for shadow in shadows] == [50, 66]
+    assert [round(shadow.right_px) for shadow in shadows] == [60, 80]
+
+
+def test_two_fingers_that_touch_each_other_are_one_shadow() -> None:
+    (shadow,) = find_shadows(profile((50, 60), (60, 72)), SETTINGS)
+    assert (round(shadow.left_px), round(shadow.right_px)) == (50, 72)
+
+
+@pytest.mark.parametrize(("left", "right"), [(-20, 30), (-5, 3)])
+def test_a_shadow_that_runs_out_on_the_left_has_no_left_edge(left: float, right: float) -> None:
+    (shadow,) = find_shadows(profile((left, right)), SETTINGS)
+    assert not shadow.left_valid
+    assert shadow.right_valid
+    assert shadow.right_px == pytest.approx(right, abs=0.1)
+
+
+def test_a_shadow_that_runs_out_on_the_right_has_no_right_edge() -> None:
+    (shadow,) = find_shadows(profile((170, 230)), SETTINGS)
+    assert shadow.left_valid
+    assert not shadow.right_valid
+
+
+def test_a_shadow_over_the_whole_view_has_no_edge_at_all() -> None:
+    (shadow,) = find_shadows(profile((-50, 250)), SETTINGS)
+    assert not shadow.left_valid
+    assert not shadow.right_valid
+
+
+def test_an_edge_beside_an_unknown_column_is_not_believed() -> None:
+    (shadow,) = find_shadows(profile((80, 100), unknown=slice(100, 104)), SETTINGS)
+    assert shadow.left_valid
+    assert not shadow.right_valid
+
+
+def test_dirt_smaller_than_the_smallest_shadow_is_no_shadow() -> None:
+    assert find_shadows(profile((100, 100.3)), SETTINGS) == ()
+
+
+def test_a_dim_patch_that_never_gets_half_dark_is_no_wide_shadow() -> None:
+    brightness = np.ones(WIDTH)
+    brightness[60:120] = 0.8
+    assert find_shadows(Profile(brightness, np.ones(WIDTH, bool)), SETTINGS) == ()
+
+
+def test_a_camera_that_sees_nothing_gives_no_shadow() -> None:
+    assert find_shadows(Profile(np.zeros(WIDTH), np.zeros(WIDTH, bool)), SETTINGS) == ()
+
+
+@given(
+    st.lists(st.floats(-1, 2), min_size=5, max_size=60),
+    st.lists(st.booleans(), min_size=60, max_size=60),
+)
+def test_whatever_the_profile_shadows_are_ordered_and_inside(
+    values: list[float], known: list[bool]
+) -> None:
+    given_profile = Profile(np.array(values), np.array(known[: len(values)]))
+    shadows = find_shadows(given_profile, SETTINGS)
+    for shadow in shadows:
+        assert np.isfinite([shadow.left_px, shadow.right_px]).all()
+        assert 0 <= shadow.depth <= 1
+        for edge, valid in (
+            (shadow.left_px, shadow.left_valid),
+            (shadow.right_px, shadow.right_valid),
+        ):
+            assert not valid or 0 < edge < len(values)
