@@ -1,0 +1,69 @@
+"""Everything a calibration is made from, gathered from frame sets."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cornertouchd.calibration.joint_fit import TouchColumns
+from cornertouchd.calibration.observing import (
+    find_strips,
+    make_finders,
+    mean_pictures,
+    observe_touches,
+)
+from cornertouchd.config import VisionSettings
+from cornertouchd.model import FloatArray, Frame, PictureFormat
+from cornertouchd.vision.strip import Strip
+
+FrameSets = Iterable[Sequence[Frame]]
+
+
+@dataclass(frozen=True)
+class Taps:
+    """Touches at known places, one a frame set.
+
+    `points_mm` (sets, 2) and `diameters_mm` (sets,) are NaN where unknown.
+    """
+
+    frame_sets: FrameSets
+    points_mm: FloatArray
+    diameters_mm: FloatArray
+
+
+@dataclass(frozen=True)
+class ReferenceTouches:
+    """What the cameras of a rig saw; cameras in the order of `formats`.
+
+    `empties` are mean pictures of the empty surface, `touches` the columns of taps (places known)
+    and scribble (places NaN).
+    """
+
+    surface_mm: tuple[float, float]
+    formats: Mapping[str, PictureFormat]
+    empties: Mapping[str, FloatArray]
+    strips: Mapping[str, Strip]
+    touches: TouchColumns
+
+
+def gather_touches(
+    surface_mm: tuple[float, float],
+    formats: Mapping[str, PictureFormat],
+    empty: FrameSets,
+    taps: Taps,
+    scribble: FrameSets,
+    settings: VisionSettings,
+) -> ReferenceTouches:
+    """Look at the empty surface, then at every touch.  Raises `CalibrationError`."""
+    empties = mean_pictures(empty)
+    strips = find_strips(empties)
+    finders = make_finders(strips, empties, settings)
+    known = observe_touches(taps.frame_sets, finders)
+    unknown = observe_touches(scribble, finders)
+    nowhere = np.full((unknown.shape[1], 2), np.nan)
+    touches = TouchColumns(
+        np.concatenate([known, unknown], axis=1),
+        np.concatenate([taps.points_mm, nowhere]),
+        np.concatenate([taps.diameters_mm, nowhere[:, 0]]),
+    )
+    return ReferenceTouches(surface_mm, formats, empties, strips, touches)

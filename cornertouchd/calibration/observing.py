@@ -1,0 +1,69 @@
+"""What the cameras saw while the surface was empty, and while it was touched at one place."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from cornertouchd.calibration.calibration import CalibrationError
+from cornertouchd.config import VisionSettings
+from cornertouchd.model import FloatArray, Frame, Shadow
+from cornertouchd.vision.finder import ShadowFinder, make_finder
+from cornertouchd.vision.strip import Strip, StripNotFoundError, find_strip
+
+SMALLEST_WIDTH_PX = 1.2
+"""A reference touch is wider than this in every camera; narrower shadows are dirt or noise."""
+
+
+def mean_pictures(frame_sets: Iterable[Sequence[Frame]]) -> dict[str, FloatArray]:
+    """Return the mean picture of every camera, (rows_px, width_px), dark frames left out."""
+    sums: dict[str, FloatArray] = {}
+    counts: dict[str, int] = {}
+    for frame in (frame for frames in frame_sets for frame in frames if frame.lit_mask != 0):
+        before = sums.get(frame.camera)
+        sums[frame.camera] = frame.pixels.astype(np.float64) if before is None else before
+        if before is not None:
+            before += frame.pixels
+        counts[frame.camera] = counts.get(frame.camera, 0) + 1
+    if not sums:
+        raise CalibrationError("there is no picture of the empty surface; record some")
+    return {camera: total / counts[camera] for camera, total in sums.items()}
+
+
+def find_strips(empties: Mapping[str, FloatArray]) -> dict[str, Strip]:
+    """Return the strip of every camera.  Raises `CalibrationError` naming a camera without one."""
+    strips = {}
+    for camera, empty in empties.items():
+        try:
+            strips[camera] = find_strip(empty)
+        except StripNotFoundError as error:
+            raise CalibrationError(f"camera {camera}: no strip found: {error}") from None
+    return strips
+
+
+def make_finders(
+    strips: Mapping[str, Strip], empties: Mapping[str, FloatArray], settings: VisionSettings
+) -> dict[str, ShadowFinder]:
+    """Return the finder of every camera."""
+    return {camera: make_finder(strips[camera], empties[camera], settings) for camera in strips}
+
+
+def observe_touches(
+    frame_sets: Iterable[Sequence[Frame]], finders: Mapping[str, ShadowFinder]
+) -> FloatArray:
+    """Return the edges of one touch per frame set, (cameras, sets, 2) columns, NaN unseen."""
+    columns = [
+        [_edges_of_touch(finders[frame.camera].find(frame.pixels)) for frame in frames]
+        for frames in frame_sets
+    ]
+    shape = (len(columns), len(finders), 2)
+    return np.array(columns, dtype=np.float64).reshape(shape).transpose(1, 0, 2)
+
+
+def _edges_of_touch(shadows: Sequence[Shadow]) -> tuple[float, float]:
+    """Return the edges of the widest shadow, NaN if one of them is not seen."""
+    widest = max(shadows, key=lambda shadow: shadow.right_px - shadow.left_px, default=None)
+    if widest is None or not (widest.left_valid and widest.right_valid):
+        return np.nan, np.nan
+    if widest.right_px - widest.left_px < SMALLEST_WIDTH_PX:
+        return np.nan, np.nan
+    return widest.left_px, widest.right_px
