@@ -1,0 +1,124 @@
+"""Values that are good each by itself but not together."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from cornertouchd.config.output import TuioSettings
+from cornertouchd.config.rig import CamerasSettings, SurfaceSettings
+from cornertouchd.config.stages import CrossingSettings, PairingSettings, VisionSettings
+from cornertouchd.config.table import Location, Table
+
+# Two cameras are the fewest whose directing lines cross.
+FEWEST_CAMERAS = 2
+# A display as wide as the surface may miss it by the rounding of decimal fractions.
+ROUNDING_MM = 1e-6
+DISPLAY_SIDES = (
+    ("display_left_mm", "display_width_mm", "width_mm"),
+    ("display_top_mm", "display_height_mm", "height_mm"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """Settings that exclude each other: where they stand, and what is wrong with them."""
+
+    locations: tuple[Location, ...]
+    message: str
+
+
+class ContradictionError(ValueError):
+    """Settings exclude each other."""
+
+    def __init__(self, contradictions: tuple[Contradiction, ...]) -> None:
+        super().__init__("; ".join(each.message for each in contradictions))
+        self.contradictions = contradictions
+
+
+def find_contradictions(
+    *,
+    surface: SurfaceSettings,
+    cameras: CamerasSettings,
+    vision: VisionSettings,
+    pairing: PairingSettings,
+    crossing: CrossingSettings,
+    tuio: TuioSettings,
+) -> tuple[Contradiction, ...]:
+    """Return everything that does not fit together, in the order of the file."""
+    return (
+        *_cameras_in_use(cameras),
+        *_devices_used_once(cameras),
+        *_bands_in_pictures(cameras),
+        *_in_order(("cameras",), cameras, "reopen_delay_s", "reopen_delay_max_s"),
+        *_in_order(("vision", "paper"), vision.paper, "t2_px", "t3_px"),
+        *_in_order(("pairing",), pairing, "tolerance_ms", "deadline_ms"),
+        *_in_order(("crossing",), crossing, "smallest_radius_mm", "largest_radius_mm"),
+        *_displays_on_surface(surface, tuio),
+    )
+
+
+def _cameras_in_use(cameras: CamerasSettings) -> Iterator[Contradiction]:
+    enabled = cameras.enabled_ids
+    if len(enabled) < FEWEST_CAMERAS:
+        yield Contradiction(
+            tuple(("cameras", "units", name, "enabled") for name in cameras.units),
+            f"[cameras] cameras with enabled = true: {len(enabled)}; must be at least "
+            f"{FEWEST_CAMERAS}, for a touch lies where lines of two cross",
+        )
+
+
+def _devices_used_once(cameras: CamerasSettings) -> Iterator[Contradiction]:
+    first_user: dict[str, str] = {}
+    for name in cameras.enabled_ids:
+        device = cameras.units[name].device
+        first = first_user.setdefault(device, name)
+        if first != name:
+            yield Contradiction(
+                (("cameras", "units", first, "device"), ("cameras", "units", name, "device")),
+                f"[cameras.{name}] device = {json.dumps(device)} is that of {first}, too; "
+                "give each camera its own device",
+            )
+
+
+def _bands_in_pictures(cameras: CamerasSettings) -> Iterator[Contradiction]:
+    for name, unit in cameras.units.items():
+        # A picture holds one row at least, also when rows_px asks for all that are left.
+        end_px = unit.row_offset_px + max(unit.rows_px, 1)
+        if end_px > cameras.height_px:
+            here = ("cameras", "units", name)
+            yield Contradiction(
+                ((*here, "row_offset_px"), (*here, "rows_px"), ("cameras", "height_px")),
+                f"[cameras.{name}] row_offset_px = {unit.row_offset_px} and "
+                f"rows_px = {unit.rows_px} end at row {end_px}, below the picture: "
+                f"[cameras] height_px = {cameras.height_px}; make the band end there at the latest",
+            )
+
+
+def _in_order(
+    here: Location,
+    table: Table,
+    lower: str,
+    upper: str,
+) -> Iterator[Contradiction]:
+    low, high = getattr(table, lower), getattr(table, upper)
+    if low > high:
+        yield Contradiction(
+            ((*here, lower), (*here, upper)),
+            f"[{'.'.join(map(str, here))}] {lower} = {low} is more than {upper} = {high}; "
+            "lower the first or raise the second",
+        )
+
+
+def _displays_on_surface(surface: SurfaceSettings, tuio: TuioSettings) -> Iterator[Contradiction]:
+    for index, destination in enumerate(tuio.destinations):
+        here = ("tuio", "destinations", index)
+        for start, length, side in DISPLAY_SIDES:
+            start_mm, length_mm = getattr(destination, start), getattr(destination, length)
+            side_mm = getattr(surface, side)
+            if start_mm >= side_mm or start_mm + length_mm > side_mm + ROUNDING_MM:
+                yield Contradiction(
+                    ((*here, start), (*here, length), ("surface", side)),
+                    f"[[tuio.destinations]] number {index + 1}: {start} = {start_mm} and "
+                    f"{length} = {length_mm} reach beyond the surface: [surface] {side} = "
+                    f"{side_mm}; make the display lie on the surface",
+                )

@@ -1,0 +1,49 @@
+"""All settings of the daemon in one frozen value."""
+
+from typing import Self
+
+from pydantic import model_validator
+
+from cornertouchd.config.consistency import ContradictionError, find_contradictions
+from cornertouchd.config.output import TuioSettings
+from cornertouchd.config.rig import (
+    CalibrationSettings,
+    CamerasSettings,
+    SimulationSettings,
+    SurfaceSettings,
+)
+from cornertouchd.config.stages import (
+    CrossingSettings,
+    PairingSettings,
+    TrackingSettings,
+    VisionSettings,
+)
+from cornertouchd.config.table import Table
+
+
+class Settings(Table):
+    """All settings of the daemon."""
+
+    surface: SurfaceSettings = SurfaceSettings()
+    calibration: CalibrationSettings = CalibrationSettings()
+    cameras: CamerasSettings = CamerasSettings()
+    simulation: SimulationSettings = SimulationSettings()
+    vision: VisionSettings = VisionSettings()
+    pairing: PairingSettings = PairingSettings()
+    crossing: CrossingSettings = CrossingSettings()
+    tracking: TrackingSettings = TrackingSettings()
+    tuio: TuioSettings = TuioSettings()
+
+    @model_validator(mode="after")
+    def _refuse_contradictions(self) -> Self:
+        found = find_contradictions(
+            surface=self.surface,
+            cameras=self.cameras,
+            vision=self.vision,
+            pairing=self.pairing,
+            crossing=self.crossing,
+            tuio=self.tuio,
+        )
+        if found:
+            raise ContradictionError(found)
+        return self
