@@ -1,0 +1,71 @@
+"""From pictures to touches: the stages in order.  Read this first.
+
+Frame -> shadows -> Observation        CameraPipeline, one per capture thread
+FrameSet -> bearings -> contacts -> touches        SurfacePipeline, in the fusion thread
+"""
+
+from cornertouchd.calibration.calibration import Calibration, CameraCalibration
+from cornertouchd.config import Settings
+from cornertouchd.fusion.crossing import make_crossing
+from cornertouchd.fusion.tracking import Tracker
+from cornertouchd.locating.camera_model import lay_shadows
+from cornertouchd.model import Contact, FloatArray, Frame, FrameSet, Observation, Touch
+from cornertouchd.vision.finder import make_finder
+from cornertouchd.vision.strip import find_strip
+
+
+class PictureSizeError(Exception):
+    """A picture has another size than the calibration expects."""
+
+
+class CameraPipeline:
+    """One camera: pictures in, shadows out.  Owned by its capture thread."""
+
+    def __init__(self, calibration: CameraCalibration, settings: Settings) -> None:
+        self._camera = calibration.id
+        self._shape = (calibration.format.rows_px, calibration.format.width_px)
+        self._strip = find_strip(calibration.empty)
+        self._settings = settings.vision
+        self.learn_background(calibration.empty)
+
+    def learn_background(self, empty: FloatArray) -> None:
+        """Measure from now on against `empty`, the mean of empty pictures (rows_px, width_px)."""
+        self._finder = make_finder(self._strip, empty, self._settings)
+
+    def observe(self, frame: Frame) -> Observation:
+        """Return the shadows in a picture.  Raises `PictureSizeError`."""
+        if frame.pixels.shape != self._shape:
+            rows, width = frame.pixels.shape[:2]
+            raise PictureSizeError(
+                f"camera {self._camera}: picture of {width}x{rows} pixels, calibrated with "
+                f"{self._shape[1]}x{self._shape[0]}"
+            )
+        shadows = self._finder.find(frame.pixels)
+        return Observation(frame.camera, frame.sequence, frame.captured_at_s, shadows)
+
+
+class SurfacePipeline:
+    """All cameras: frame sets in, contacts and touches out.  Owned by the fusion thread."""
+
+    def __init__(self, calibration: Calibration, settings: Settings) -> None:
+        self._models = {camera.id: camera.model for camera in calibration.cameras}
+        self._edge_sigma_px = settings.crossing.edge_sigma_px
+        self._crossing = make_crossing(settings.crossing, calibration.surface_mm)
+        self._tracker = Tracker(settings.tracking)
+
+    def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
+        """Return what touches the surface in one frame set, whatever was before."""
+        bearings = [
+            lay_shadows(seen.camera, seen.shadows, self._models[seen.camera], self._edge_sigma_px)
+            for seen in frame_set.observations
+            if seen.shadows
+        ]
+        return self._crossing.cross(bearings)
+
+    def follow(self, frame_set: FrameSet, contacts: tuple[Contact, ...]) -> tuple[Touch, ...]:
+        """Return the touches after a frame set with these contacts."""
+        return self._tracker.update(frame_set.captured_at_s, contacts)
+
+    def reset(self) -> None:
+        """Forget all touches; the next ones get new ids."""
+        self._tracker.reset()

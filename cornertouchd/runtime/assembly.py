@@ -1,0 +1,95 @@
+"""From settings to the parts of a daemon: cameras, calibration, sinks."""
+
+import socket
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from cornertouchd.calibration.calibration import Calibration
+from cornertouchd.calibration.file import load_calibration
+from cornertouchd.config import CameraSettings, DestinationSettings, Settings
+from cornertouchd.devices.opencv_camera import OpenCvCameraPort
+from cornertouchd.devices.udp import UdpTuioSink, local_address
+from cornertouchd.model import PictureFormat
+from cornertouchd.ports import CameraPort, Clock
+from cornertouchd.runtime.places import state_directory
+from cornertouchd.runtime.simulated_rig import calibrated_rig, make_rig
+from cornertouchd.simulation.camera import rig_ports
+from cornertouchd.simulation.scripts import demo_script
+from cornertouchd.wire.mapping import DisplayMapping
+from cornertouchd.wire.tuio import default_source_name, seed_at
+
+
+def make_ports(settings: Settings, clock: Clock) -> tuple[CameraPort, ...]:
+    """Return the cameras that the settings name."""
+    cameras = settings.cameras
+    if cameras.source == "simulated":
+        rig = make_rig(settings)
+        surface_mm = (settings.surface.width_mm, settings.surface.height_mm)
+        script = demo_script(surface_mm, settings.simulation.touches, settings.simulation.seed)
+        return rig_ports(rig, script, clock, cameras.rate_hz, settings.simulation.speed)
+    return tuple(
+        OpenCvCameraPort(
+            camera_id,
+            cameras.units[camera_id].device,
+            picture_format(settings, cameras.units[camera_id]),
+            cameras.rate_hz,
+            clock.now_s,
+        )
+        for camera_id in cameras.enabled_ids
+    )
+
+
+def picture_format(settings: Settings, camera: CameraSettings) -> PictureFormat:
+    """Return the size and rows of one camera's pictures."""
+    width_px, height_px = settings.cameras.width_px, settings.cameras.height_px
+    rows_px = camera.rows_px or height_px - camera.row_offset_px
+    return PictureFormat(width_px, height_px, camera.row_offset_px, rows_px)
+
+
+def find_calibration(settings: Settings, environ: Mapping[str, str]) -> Calibration:
+    """Return the calibration that the daemon works with.  Raises `CalibrationError`.
+
+    A simulated rig calibrates itself unless a file is set.
+    """
+    if settings.cameras.source == "simulated" and not settings.calibration.file:
+        return calibrated_rig(settings, environ)
+    return load_calibration(calibration_file(settings, environ))
+
+
+def calibration_file(settings: Settings, environ: Mapping[str, str]) -> Path:
+    """Return where the calibration is kept."""
+    given = settings.calibration.file
+    return Path(given) if given else state_directory(environ) / "calibration.json"
+
+
+def make_tuio_sink(settings: Settings, config_file: str) -> UdpTuioSink:
+    """Return the sink that tells all destinations; `config_file` tells two daemons apart."""
+    destinations = settings.tuio.destinations
+    address = local_address(destinations[0].host) if destinations else "127.0.0.1"
+    name = settings.tuio.source_name
+    source = (
+        f"{name}@{address}"
+        if name
+        else default_source_name(socket.gethostname(), config_file, address)
+    )
+    seed = seed_at(time.time())
+    return UdpTuioSink(
+        [(to.host, to.port, display_mapping(settings, to)) for to in destinations],
+        source,
+        seed,
+        seed,
+    )
+
+
+def display_mapping(settings: Settings, destination: DestinationSettings) -> DisplayMapping:
+    """Return where a destination's display lies on the surface."""
+    left, top = destination.display_left_mm, destination.display_top_mm
+    return DisplayMapping(
+        left,
+        top,
+        destination.display_width_mm or settings.surface.width_mm - left,
+        destination.display_height_mm or settings.surface.height_mm - top,
+        destination.rotation_deg,
+        destination.mirror,
+    )

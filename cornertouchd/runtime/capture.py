@@ -1,0 +1,135 @@
+"""One thread per camera: open it, read it, find the shadows, put them into the box; never give up.
+
+A camera that fails a set number of times in a row is taken out, closed and opened anew, with a
+growing delay between the attempts.
+"""
+
+import threading
+from dataclasses import dataclass
+
+from cornertouchd.config import CamerasSettings
+from cornertouchd.model import Frame, Observation
+from cornertouchd.pipeline import CameraPipeline
+from cornertouchd.ports import Camera, CameraError, CameraPort
+from cornertouchd.runtime.faults import FaultLog
+from cornertouchd.runtime.latest import Latest
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureCounts:
+    """What happened to one camera since the start."""
+
+    frames: int
+    faults: int
+    opened: int
+    live: bool
+
+
+class CaptureThread:
+    """Reads one camera.
+
+    Guarantees: no exception of the camera or of a stage ends the thread; pixels never leave it.
+    Assumes that `pipeline` is used by nobody else.
+    """
+
+    def __init__(
+        self,
+        port: CameraPort,
+        pipeline: CameraPipeline,
+        box: Latest[Observation],
+        settings: CamerasSettings,
+    ) -> None:
+        self._port = port
+        self._pipeline = pipeline
+        self._box = box
+        self._settings = settings
+        self._stop = threading.Event()
+        self._faults = FaultLog(f"camera {port.id}")
+        self._thread = threading.Thread(target=self._run, name=f"capture-{port.id}", daemon=True)
+        self._frames = 0
+        self._opened = 0
+        self._live = False
+
+    @property
+    def camera(self) -> str:
+        """Name of the camera."""
+        return self._port.id
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ask the thread to end; returns at once."""
+        self._stop.set()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the end.  A driver that blocks longer is left to the end of the process."""
+        self._thread.join(timeout_s)
+
+    def counts(self) -> CaptureCounts:
+        """Return what happened so far.  Any thread may ask."""
+        return CaptureCounts(self._frames, self._faults.count, self._opened, self._live)
+
+    def _run(self) -> None:
+        delay_s = self._settings.reopen_delay_s
+        while not self._stop.is_set():
+            frames_before = self._frames
+            self._read_until_it_fails()
+            self._live = False
+            if self._frames > frames_before:
+                delay_s = self._settings.reopen_delay_s
+            self._stop.wait(delay_s)
+            delay_s = min(2 * delay_s, self._settings.reopen_delay_max_s)
+
+    def _read_until_it_fails(self) -> None:
+        try:
+            camera = self._port.open()
+        except CameraError as error:
+            self._faults.fault(str(error))
+            return
+        except Exception as error:  # noqa: BLE001  a driver may raise anything; the thread lives on
+            self._faults.fault(f"cannot be opened: {error}", error)
+            return
+        self._opened += 1
+        try:
+            self._read(camera)
+        finally:
+            self._close(camera)
+
+    def _read(self, camera: Camera) -> None:
+        in_a_row = 0
+        while in_a_row < self._settings.failures_before_reopen and not self._stop.is_set():
+            try:
+                frame = camera.read(self._settings.read_timeout_s)
+            except CameraError as error:
+                self._faults.fault(str(error))
+                return
+            except Exception as error:  # noqa: BLE001
+                self._faults.fault(f"reading failed: {error}", error)
+                return
+            if frame is not None and self._observe(frame):
+                in_a_row = 0
+                self._live = True
+            elif not self._stop.is_set():
+                in_a_row += 1
+                if frame is None:
+                    self._live = False
+                    self._faults.fault(f"no picture for {self._settings.read_timeout_s:g} s")
+
+    def _observe(self, frame: Frame) -> bool:
+        try:
+            observation = self._pipeline.observe(frame)
+        except Exception as error:  # noqa: BLE001  a stage that raises costs a picture, no more
+            self._faults.fault(f"picture not understood: {error}", error)
+            return False
+        self._frames += 1
+        self._faults.recovered()
+        self._box.put(frame.camera, observation)
+        return True
+
+    def _close(self, camera: Camera) -> None:
+        try:
+            camera.close()
+        except Exception as error:  # noqa: BLE001
+            self._faults.fault(f"cannot be closed: {error}", error)

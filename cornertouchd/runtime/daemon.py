@@ -1,0 +1,72 @@
+"""The daemon: one capture thread per camera, one fusion thread, started and stopped together."""
+
+from collections.abc import Mapping, Sequence
+
+from cornertouchd.calibration.calibration import Calibration
+from cornertouchd.config import Settings
+from cornertouchd.fusion.pairing import FrameSetPairing
+from cornertouchd.model import Observation
+from cornertouchd.pipeline import CameraPipeline, SurfacePipeline
+from cornertouchd.ports import CameraPort, Clock, TouchSink
+from cornertouchd.runtime.capture import CaptureCounts, CaptureThread
+from cornertouchd.runtime.fusing import FusionCounts, FusionThread
+from cornertouchd.runtime.latest import Latest
+
+STOP_S = 0.8
+"""Time that all threads together get to end; a driver that blocks longer is left behind."""
+
+
+class Daemon:
+    """A rig at work.  Raises `CalibrationError` if a camera does not fit the calibration."""
+
+    def __init__(
+        self,
+        ports: Sequence[CameraPort],
+        calibration: Calibration,
+        sinks: Sequence[TouchSink],
+        settings: Settings,
+        clock: Clock,
+    ) -> None:
+        box: Latest[Observation] = Latest()
+        self._captures = []
+        for port in ports:
+            camera = calibration.camera(port.id)
+            camera.require_format(port.format)
+            pipeline = CameraPipeline(camera, settings)
+            self._captures.append(CaptureThread(port, pipeline, box, settings.cameras))
+        self._fusion = FusionThread(
+            box,
+            FrameSetPairing([port.id for port in ports], settings.pairing),
+            SurfacePipeline(calibration, settings),
+            sinks,
+            clock,
+            self._live_cameras,
+        )
+        self._clock = clock
+
+    def start(self) -> None:
+        """Start all threads."""
+        self._fusion.start()
+        for capture in self._captures:
+            capture.start()
+
+    def stop(self) -> None:
+        """Stop all threads, touches lifted; takes under a second."""
+        self._fusion.stop()
+        for capture in self._captures:
+            capture.stop()
+        until_s = self._clock.now_s() + STOP_S
+        self._fusion.join(STOP_S)
+        for capture in self._captures:
+            capture.join(max(0.0, until_s - self._clock.now_s()))
+
+    def camera_counts(self) -> Mapping[str, CaptureCounts]:
+        """Return what happened to every camera so far."""
+        return {capture.camera: capture.counts() for capture in self._captures}
+
+    def fusion_counts(self) -> FusionCounts:
+        """Return what happened in the fusion thread so far."""
+        return self._fusion.counts()
+
+    def _live_cameras(self) -> tuple[str, ...]:
+        return tuple(capture.camera for capture in self._captures if capture.counts().live)

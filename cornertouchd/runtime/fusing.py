@@ -1,0 +1,163 @@
+"""The fusion thread: pair, cross, track, tell the sinks."""
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from cornertouchd.fusion.pairing import FrameSetPairing
+from cornertouchd.model import FrameSet, Observation, TouchFrame
+from cornertouchd.pipeline import SurfacePipeline
+from cornertouchd.ports import Clock, TouchSink
+from cornertouchd.runtime.faults import FaultLog
+from cornertouchd.runtime.latest import Latest
+
+WAIT_S = 0.02
+"""Longest wait for an observation: sinks tick at least this often."""
+
+SILENCE_S = 0.25
+"""Touches are lifted when no frame set came for so long: 25 at the usual rate, and still before a
+person has moved on to the next gesture."""
+
+
+@dataclass(frozen=True, slots=True)
+class FusionCounts:
+    """What happened in the fusion thread since the start."""
+
+    frame_sets: int
+    partial: int
+    skipped: int
+    touches_begun: int
+    touches_now: int
+    faults: int
+    dropped: int
+
+
+class FusionThread:
+    """Turns observations into touches and tells them.
+
+    Guarantees: the sinks are called from this thread only, tick at least every 25 ms, and hear of
+    every lift, also when cameras fall silent or a stage raises.  Never waits for a camera.
+    """
+
+    def __init__(
+        self,
+        box: Latest[Observation],
+        pairing: FrameSetPairing,
+        pipeline: SurfacePipeline,
+        sinks: Sequence[TouchSink],
+        clock: Clock,
+        live_cameras: Callable[[], Sequence[str]],
+    ) -> None:
+        self._box = box
+        self._pairing = pairing
+        self._pipeline = pipeline
+        self._sinks = sinks
+        self._clock = clock
+        self._live_cameras = live_cameras
+        self._cameras: Sequence[str] = ()
+        self._stop = threading.Event()
+        self._faults = FaultLog("fusion")
+        self._thread = threading.Thread(target=self._run, name="fusion", daemon=True)
+        self._last_set_s: float | None = None
+        self._begun: set[int] = set()
+        self._frame_sets = self._partial = self._skipped = 0
+        self._touches_begun = self._touches_now = self._dropped = 0
+
+    def start(self) -> None:
+        """Begin to fuse."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ask the thread to lift all touches, close the sinks and end; returns at once."""
+        self._stop.set()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the end."""
+        self._thread.join(timeout_s)
+
+    def counts(self) -> FusionCounts:
+        """Return what happened so far.  Any thread may ask."""
+        return FusionCounts(
+            self._frame_sets,
+            self._partial,
+            self._skipped,
+            self._touches_begun,
+            self._touches_now,
+            self._faults.count,
+            self._dropped,
+        )
+
+    def _run(self) -> None:
+        for sink in self._sinks:
+            sink.lift_all(self._clock.now_s())
+        while not self._stop.is_set():
+            try:
+                self._step()
+            except Exception as error:  # noqa: BLE001  a stage that raises costs its touches, no more
+                self._faults.fault(f"a frame set was lost: {error}", error)
+                self._lift(self._clock.now_s())
+        for sink in self._sinks:
+            sink.close()
+
+    def _step(self) -> None:
+        observations = self._box.take(self._longest_wait_s())
+        now_s = self._clock.now_s()
+        live = self._live_cameras()
+        if live != self._cameras:
+            self._cameras = live
+            self._pairing.set_live(live)
+        frame_sets = [
+            frame_set
+            for observation in observations
+            for frame_set in self._pairing.add(observation, now_s)
+        ]
+        behind = self._fell_behind()
+        for frame_set in frame_sets + self._pairing.due(now_s):
+            if behind and self._is_partial(frame_set):
+                self._skipped += 1  # what it lacks was dropped here, a whole one is on its way
+            else:
+                self._fuse(frame_set)
+        if self._last_set_s is not None and now_s - self._last_set_s > SILENCE_S:
+            self._lift(now_s)
+        for sink in self._sinks:
+            sink.tick(now_s)
+
+    def _longest_wait_s(self) -> float:
+        """Return how long nothing is due: neither a tick nor an incomplete frame set."""
+        due_at_s = self._pairing.next_due_at_s
+        if due_at_s is None:
+            return WAIT_S
+        return min(WAIT_S, max(0.0, due_at_s - self._clock.now_s()))
+
+    def _fuse(self, frame_set: FrameSet) -> None:
+        contacts = self._pipeline.cross(frame_set)
+        touches = self._pipeline.follow(frame_set, contacts)
+        now_s = self._clock.now_s()
+        for sink in self._sinks:
+            sink.send(TouchFrame(frame_set.captured_at_s, touches), now_s)
+        self._last_set_s = now_s
+        self._frame_sets += 1
+        self._partial += self._is_partial(frame_set)
+        ids = {touch.id for touch in touches}
+        self._touches_begun += len(ids - self._begun)
+        self._begun = ids
+        self._touches_now = len(ids)
+        self._faults.recovered()
+
+    def _fell_behind(self) -> bool:
+        """Tell whether the box dropped anything since the last step."""
+        before, self._dropped = self._dropped, sum(self._box.dropped().values())
+        return self._dropped > before
+
+    def _is_partial(self, frame_set: FrameSet) -> bool:
+        return len(frame_set.observations) < len(self._cameras)
+
+    def _lift(self, now_s: float) -> None:
+        """End all touches: what they stood on is gone."""
+        self._last_set_s = None
+        self._pipeline.reset()
+        self._pairing.reset()
+        self._begun = set()
+        self._touches_now = 0
+        for sink in self._sinks:
+            sink.lift_all(now_s)

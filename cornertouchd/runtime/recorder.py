@@ -1,0 +1,99 @@
+"""Whole pictures of all cameras, set by set, for recordings."""
+
+import queue
+import threading
+from collections import deque
+from collections.abc import Generator, Sequence
+from dataclasses import replace
+
+from cornertouchd.model import Frame
+from cornertouchd.ports import CameraError, CameraPort
+
+QUEUE_FRAMES = 400
+"""Pictures that may wait for the disk: a second of four cameras at 100 Hz."""
+
+
+class FrameGrouping:
+    """Puts frames of one instant together; a frame without its fellows is dropped and counted."""
+
+    def __init__(self, cameras: Sequence[str], tolerance_s: float) -> None:
+        self._waiting: dict[str, deque[Frame]] = {camera: deque() for camera in cameras}
+        self._tolerance_s = tolerance_s
+        self.dropped = 0
+
+    def add(self, frame: Frame) -> list[tuple[Frame, ...]]:
+        """Take a frame; return the sets that it completes, in the order of the cameras."""
+        self._waiting[frame.camera].append(frame)
+        complete = []
+        while all(self._waiting.values()):
+            heads = [frames[0] for frames in self._waiting.values()]
+            oldest = min(heads, key=lambda head: head.captured_at_s)
+            newest = max(heads, key=lambda head: head.captured_at_s)
+            if newest.captured_at_s - oldest.captured_at_s <= self._tolerance_s:
+                complete.append(tuple(frames.popleft() for frames in self._waiting.values()))
+            else:
+                self._waiting[oldest.camera].popleft()
+                self.dropped += 1
+        return complete
+
+
+class Recorder:
+    """Reads all cameras, each in a thread of its own, and yields frame sets.
+
+    Raises `CameraError` as soon as one camera fails: a recording with a hole is no help.
+    """
+
+    def __init__(self, ports: Sequence[CameraPort], tolerance_s: float, timeout_s: float) -> None:
+        self._ports = ports
+        self._timeout_s = timeout_s
+        self._grouping = FrameGrouping([port.id for port in ports], tolerance_s)
+        self._arrived: queue.Queue[Frame | CameraError] = queue.Queue(QUEUE_FRAMES)
+        self._stop = threading.Event()
+
+    @property
+    def dropped(self) -> int:
+        """Frames without fellows of the same instant."""
+        return self._grouping.dropped
+
+    def frame_sets(self) -> Generator[tuple[Frame, ...]]:
+        """Yield frame sets until the caller stops; the cameras are closed then."""
+        threads = [
+            threading.Thread(target=self._read, args=(port,), name=f"record-{port.id}", daemon=True)
+            for port in self._ports
+        ]
+        for thread in threads:
+            thread.start()
+        try:
+            while True:
+                frame = self._arrived.get()
+                if isinstance(frame, CameraError):
+                    raise frame
+                yield from self._grouping.add(frame)
+        finally:
+            self._stop.set()
+            for thread in threads:
+                thread.join(self._timeout_s)
+
+    def _read(self, port: CameraPort) -> None:
+        try:
+            camera = port.open()
+            try:
+                while not self._stop.is_set():
+                    frame = camera.read(self._timeout_s)
+                    if frame is None:
+                        raise CameraError(
+                            f"camera {port.id}: no picture for {self._timeout_s:g} s"
+                        )
+                    self._put(replace(frame, pixels=frame.pixels.copy()))
+            finally:
+                camera.close()
+        except CameraError as error:
+            self._put(error)
+
+    def _put(self, arrived: Frame | CameraError) -> None:
+        while not self._stop.is_set():
+            try:
+                self._arrived.put(arrived, timeout=0.1)
+            except queue.Full:
+                continue
+            return

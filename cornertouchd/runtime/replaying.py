@@ -1,0 +1,92 @@
+"""A recording through the whole pipeline in one thread: the same in, the same out."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from cornertouchd.calibration.calibration import Calibration
+from cornertouchd.calibration.observing import mean_pictures
+from cornertouchd.config import Settings
+from cornertouchd.devices.recording import Recording, RecordingError
+from cornertouchd.model import Contact, FloatArray, Frame, FrameSet, Touch
+from cornertouchd.pipeline import CameraPipeline, SurfacePipeline
+
+Runs = Sequence[tuple[int, int]]
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayedSet:
+    """What one frame set gave."""
+
+    index: int
+    captured_at_s: float
+    contacts: tuple[Contact, ...]
+    touches: tuple[Touch, ...]
+
+
+class Replay:
+    """A recording and what it is looked at with.
+
+    `independent`: every frame set on its own, no tracking.  `empty_runs`: first and last frame set
+    of runs in which the surface was empty; each is the background of what follows it.  Raises
+    `CalibrationError` if the recording does not fit the calibration, `RecordingError` if a run
+    lies outside the recording.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        calibration: Calibration,
+        settings: Settings,
+        *,
+        independent: bool = False,
+        empty_runs: Runs = (),
+    ) -> None:
+        self._recording = recording
+        self._independent = independent
+        self._cameras: dict[str, CameraPipeline] = {}
+        for camera, size in recording.formats.items():
+            known = calibration.camera(camera)
+            known.require_format(size)
+            self._cameras[camera] = CameraPipeline(known, settings)
+        self._surface = SurfacePipeline(calibration, settings)
+        self._backgrounds = self._backgrounds_by_set(empty_runs)
+
+    def learn_background(self, empties: Mapping[str, FloatArray]) -> None:
+        """Measure against these mean empty pictures (rows_px, width_px) of the cameras."""
+        for camera, empty in empties.items():
+            if camera in self._cameras:
+                self._cameras[camera].learn_background(empty)
+
+    def __iter__(self) -> Iterator[ReplayedSet]:
+        """Yield what every frame set gives, in order."""
+        for index, frames in enumerate(self._recording):
+            if index in self._backgrounds:
+                self.learn_background(self._backgrounds[index])
+            frame_set = self._observe(frames)
+            contacts = self._surface.cross(frame_set)
+            touches = () if self._independent else self._surface.follow(frame_set, contacts)
+            yield ReplayedSet(index, frame_set.captured_at_s, contacts, touches)
+
+    def _observe(self, frames: Sequence[Frame]) -> FrameSet:
+        seen = [self._cameras[frame.camera].observe(frame) for frame in frames]
+        return FrameSet(max(one.captured_at_s for one in seen), tuple(seen))
+
+    def _backgrounds_by_set(self, runs: Runs) -> dict[int, Mapping[str, FloatArray]]:
+        """Return the mean empty pictures of every run, by the frame set where it begins."""
+        count = len(self._recording)
+        for first, last in runs:
+            if last >= count:
+                raise RecordingError(
+                    f"{self._recording.directory}: empty sets {first}-{last} lie outside its "
+                    f"{count} frame sets"
+                )
+        if not runs:
+            return {}
+        inside: dict[int, list[Sequence[Frame]]] = {first: [] for first, _ in runs}
+        for index, frames in enumerate(self._recording):
+            for first, last in runs:
+                if first <= index <= last:
+                    inside[first].append(frames)
+            if index >= runs[-1][1]:
+                break
+        return {first: mean_pictures(sets) for first, sets in inside.items()}

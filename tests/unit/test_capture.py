@@ -1,0 +1,168 @@
+"""A capture thread outlives whatever its camera does.
+
+The fake camera does what its script says, one step a read; it is held to the port's contract by
+`test_the_fake_keeps_the_contract`, as the simulated camera is by its own tests.
+"""
+
+import logging
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from cornertouchd.config import CamerasSettings
+from cornertouchd.model import Frame, Observation, PictureFormat
+from cornertouchd.ports import CameraError
+from cornertouchd.runtime.capture import CaptureThread
+from cornertouchd.runtime.latest import Latest
+
+Step = str
+FAST = CamerasSettings(
+    read_timeout_s=0.05, failures_before_reopen=3, reopen_delay_s=0.1, reopen_delay_max_s=0.1
+)
+
+
+class FakePort:
+    """A camera that does what the script says: good, none, garbage, gone, absent, bug."""
+
+    id = "C1"
+    format = PictureFormat(4, 3, 0, 3)
+
+    def __init__(self, script: list[Step]) -> None:
+        self._script = iter(script)
+        self.opened = self.closed = 0
+        self.done = threading.Event()
+        self.released = threading.Event()
+
+    def next_step(self) -> Step:
+        """Return the next step; when there are none left, wait to be released."""
+        step = next(self._script, None)
+        if step is None:
+            self.done.set()
+            self.released.wait(30)
+            return "none"
+        return step
+
+    def open(self) -> "FakeCamera":
+        self.opened += 1
+        return FakeCamera(self)
+
+
+class FakeCamera:
+    def __init__(self, port: FakePort) -> None:
+        self._port = port
+        self._sequence = 0
+
+    def read(self, timeout_s: float) -> Frame | None:
+        step = self._port.next_step()
+        self._sequence += 1
+        if step == "gone":
+            raise CameraError("camera C1: gone")
+        if step == "bug":
+            raise RuntimeError("a driver's bug")
+        if step == "none":
+            return None
+        rows = 3 if step == "good" else 1
+        pixels = np.zeros((rows, 4), np.uint8)
+        return Frame("C1", self._sequence, float(self._sequence), None, pixels)
+
+    def close(self) -> None:
+        self._port.closed += 1
+
+
+class StubPipeline:
+    """Accepts pictures of the right size only, like the real one."""
+
+    def observe(self, frame: Frame) -> Observation:
+        if frame.pixels.shape != (3, 4):
+            raise ValueError("a picture of another size")
+        return Observation(frame.camera, frame.sequence, frame.captured_at_s, ())
+
+
+@pytest.fixture
+def run() -> Iterator[object]:
+    started: list[tuple[CaptureThread, FakePort]] = []
+
+    def start(script: list[Step]) -> tuple[CaptureThread, FakePort, Latest[Observation]]:
+        port, box = FakePort(script), Latest[Observation]()
+        thread = CaptureThread(port, StubPipeline(), box, FAST)
+        thread.start()
+        started.append((thread, port))
+        assert port.done.wait(30)
+        return thread, port, box
+
+    yield start
+    for thread, port in started:
+        thread.stop()
+        port.released.set()
+        thread.join(5.0)
+
+
+def test_the_fake_keeps_the_contract() -> None:
+    camera = FakePort(["good", "none", "gone"]).open()
+    frame = camera.read(0.1)
+    assert frame is not None
+    assert frame.camera == "C1"
+    assert camera.read(0.1) is None
+    with pytest.raises(CameraError):
+        camera.read(0.1)
+    camera.close()
+    camera.close()
+
+
+def test_pictures_become_observations(run) -> None:
+    thread, _, box = run(["good"] * 4)
+    assert thread.counts().frames == 4
+    assert len(box.take(0)) == 1
+    assert box.dropped() == {"C1": 3}
+
+
+def test_a_camera_that_vanishes_is_opened_again(run, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        thread, port, _ = run(["good", "gone", "good", "good"])
+    assert thread.counts().frames == 3
+    assert port.opened == 2
+    assert port.closed == 1
+    assert "camera C1: gone" in caplog.text
+    assert "works again after 1 fault" in caplog.text
+
+
+def test_a_few_bad_pictures_do_not_close_the_camera(run) -> None:
+    thread, port, _ = run(["good", "garbage", "garbage", "good"])
+    assert thread.counts().frames == 2
+    assert thread.counts().faults == 2
+    assert port.opened == 1
+
+
+def test_a_run_of_failures_takes_the_camera_out_and_retries(run) -> None:
+    thread, port, _ = run(["good", "garbage", "garbage", "garbage", "good"])
+    assert thread.counts().frames == 2
+    assert port.opened == 2
+
+
+def test_a_stall_counts_as_failure(run) -> None:
+    _, port, _ = run(["good", "none", "none", "none", "good"])
+    assert port.opened == 2
+
+
+def test_a_bug_in_a_driver_does_not_end_the_thread(run, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.ERROR):
+        thread, _, _ = run(["good", "bug", "good"])
+    assert thread.counts().frames == 2
+    assert "a driver's bug" in caplog.text
+    assert "Traceback" in caplog.text
+
+
+def test_the_same_fault_is_logged_once(run, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.ERROR):
+        run(["gone"] * 4)
+    assert caplog.text.count("camera C1: gone") == 1
+
+
+def test_it_stops_when_told(run) -> None:
+    thread, port, _ = run(["good"])
+    thread.stop()
+    port.released.set()
+    thread.join(5.0)
+    assert (port.opened, port.closed) == (1, 1)

@@ -1,0 +1,149 @@
+"""The fusion thread tells the sinks everything they must hear, whatever its stages do."""
+
+import logging
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+from cornertouchd.fusion.pairing import FrameSetPairing
+
+from cornertouchd.config import PairingSettings
+from cornertouchd.model import Contact, FrameSet, Observation, Touch, TouchFrame
+from cornertouchd.runtime.clock import MonotonicClock
+from cornertouchd.runtime.fusing import FusionThread
+from cornertouchd.runtime.latest import Latest
+
+CAMERAS = ("C1", "C2")
+PATIENCE_S = 20.0
+
+
+class RecordingSink:
+    """Keeps what it is told; waits can be put on what it has heard."""
+
+    def __init__(self) -> None:
+        self._told = threading.Condition()
+        self.frames: list[TouchFrame] = []
+        self.lifts = self.ticks = self.closed = 0
+
+    def send(self, frame: TouchFrame, now_s: float) -> None:
+        with self._told:
+            self.frames.append(frame)
+            self._told.notify_all()
+
+    def lift_all(self, now_s: float) -> None:
+        with self._told:
+            self.lifts += 1
+            self._told.notify_all()
+
+    def tick(self, now_s: float) -> None:
+        with self._told:
+            self.ticks += 1
+            self._told.notify_all()
+
+    def close(self) -> None:
+        with self._told:
+            self.closed += 1
+
+    def wait_until(self, heard: Callable[["RecordingSink"], bool]) -> None:
+        with self._told:
+            assert self._told.wait_for(lambda: heard(self), PATIENCE_S)
+
+
+class StubSurface:
+    """One touch in every frame set; raises while `broken`."""
+
+    def __init__(self) -> None:
+        self.broken = False
+        self.resets = 0
+
+    def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
+        if self.broken:
+            raise ZeroDivisionError("a stage's bug")
+        return ()
+
+    def follow(self, frame_set: FrameSet, contacts: tuple[Contact, ...]) -> tuple[Touch, ...]:
+        return (Touch(1, 10.0, 20.0, 0.0, 0.0, 0.0),)
+
+    def reset(self) -> None:
+        self.resets += 1
+
+
+class Bench:
+    def __init__(self) -> None:
+        self.box = Latest[Observation]()
+        self.sink, self.surface = RecordingSink(), StubSurface()
+        self.clock = MonotonicClock()
+        self.thread = FusionThread(
+            self.box,
+            FrameSetPairing(CAMERAS, PairingSettings()),
+            self.surface,
+            [self.sink],
+            self.clock,
+            lambda: CAMERAS,
+        )
+        self.thread.start()
+
+    def see(self, captured_at_s: float, cameras: tuple[str, ...] = CAMERAS) -> None:
+        """Put what the cameras saw at a time; wait until it was taken."""
+        for camera in cameras:
+            self.box.put(camera, Observation(camera, 0, captured_at_s, ()))
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    made = Bench()
+    yield made
+    made.thread.stop()
+    made.thread.join(5.0)
+
+
+def test_a_frame_set_reaches_the_sink_at_the_time_of_its_pictures(bench: Bench) -> None:
+    bench.see(7.25)
+    bench.sink.wait_until(lambda sink: len(sink.frames) == 1)
+    assert bench.sink.frames[0].captured_at_s == 7.25
+    assert [touch.id for touch in bench.sink.frames[0].touches] == [1]
+
+
+def test_the_start_says_that_there_are_no_touches(bench: Bench) -> None:
+    bench.sink.wait_until(lambda sink: sink.lifts == 1)
+
+
+def test_sinks_tick_while_no_camera_sees_anything(bench: Bench) -> None:
+    bench.sink.wait_until(lambda sink: sink.ticks >= 5)
+
+
+def test_a_missing_camera_delays_but_does_not_stop(bench: Bench) -> None:
+    bench.see(1.0, cameras=("C2",))
+    bench.sink.wait_until(lambda sink: len(sink.frames) == 1)
+    assert bench.thread.counts().partial == 1
+
+
+def test_silence_lifts_all_touches(bench: Bench) -> None:
+    bench.see(1.0)
+    bench.sink.wait_until(lambda sink: len(sink.frames) == 1)
+    bench.sink.wait_until(lambda sink: sink.lifts == 2)
+    assert bench.surface.resets == 1
+    assert bench.thread.counts().touches_now == 0
+
+
+def test_a_stage_that_raises_lifts_and_the_thread_goes_on(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        bench.see(1.0)
+        bench.sink.wait_until(lambda sink: len(sink.frames) == 1)
+        bench.surface.broken = True
+        bench.see(1.01)
+        bench.sink.wait_until(lambda sink: sink.lifts >= 2)
+        bench.surface.broken = False
+        bench.see(1.02)
+        bench.sink.wait_until(lambda sink: len(sink.frames) == 2)
+    assert "a stage's bug" in caplog.text
+    assert "works again" in caplog.text
+    assert bench.thread.counts().faults == 1
+
+
+def test_the_end_closes_the_sinks(bench: Bench) -> None:
+    bench.thread.stop()
+    bench.thread.join(5.0)
+    assert bench.sink.closed == 1
