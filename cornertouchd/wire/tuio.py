@@ -1,0 +1,240 @@
+"""TUIO 1.1 out: touches become bundles of the 2Dcur profile.
+
+Specification: https://www.tuio.org/?specification.  A bundle is source, alive, set*, fseq with the
+time tag "immediately".  Every bundle of a frame is complete in itself: it names all contacts that a
+client may keep, and no contact before the bundle that first sets it, so that a client which draws
+at every fseq shows neither gaps nor ghosts, whichever packets it lost.
+"""
+
+import hashlib
+import math
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from cornertouchd.model import Touch, TouchFrame
+from cornertouchd.wire.mapping import DisplayMapping
+
+# The largest UDP payload that crosses an Ethernet in one piece: 1500 less 40 (IPv6) and 8 (UDP).
+MAX_PAYLOAD_BYTES = 1452
+# So many ids and one contact fit a bundle with the longest source name; far beyond what is tracked.
+MAX_CURSORS = 200
+MAX_SOURCE_BYTES = 200
+# Marks a bundle that repeats what is known already.
+REDUNDANT_FSEQ = -1
+
+_INT32_COUNT = 2**31
+_MAX_FLOAT32 = (2.0 - 2.0**-23) * 2.0**127
+_ADDRESS = b"/tuio/2Dcur\0"
+_IMMEDIATELY = b"#bundle\0" + struct.pack(">Q", 1)
+_SET_START = struct.pack(">i", 52) + _ADDRESS + b",sifffff\0\0\0\0set\0"
+_SET = struct.Struct(f">{len(_SET_START)}sifffff")
+_FSEQ_START = struct.pack(">i", 28) + _ADDRESS + b",si\0fseq\0\0\0\0"
+_FSEQ = struct.Struct(f">{len(_FSEQ_START)}si")
+
+
+class Cursor(NamedTuple):
+    """One contact on the wire, in the order of a set message.
+
+    `x`, `y` are 0..1; `x_speed`, `y_speed` axis lengths per second; `acceleration` the change of
+    speed per second.  A tuple, since it is packed as it is, a thousand times a second.
+    """
+
+    id: int
+    x: float
+    y: float
+    x_speed: float
+    y_speed: float
+    acceleration: float
+
+
+class BundleEncoder:
+    """Writes the bundles of one source.
+
+    `source` is name@address, ASCII, at most 200 bytes.  Raises `ValueError` for another.
+    """
+
+    def __init__(self, source: str) -> None:
+        name, at, address = source.partition("@")
+        if not (name and at and address and source.isascii() and source.isprintable()):
+            raise ValueError(f"TUIO source {source!r} must be name@address in printable ASCII")
+        if len(source) > MAX_SOURCE_BYTES:
+            raise ValueError(
+                f"TUIO source has {len(source)} bytes, at most {MAX_SOURCE_BYTES}; shorten it"
+            )
+        self._head = _IMMEDIATELY + _element(b",ss\0source\0\0" + _padded(source.encode("ascii")))
+
+    def encode(self, alive: Sequence[int], cursors: Sequence[Cursor], fseq: int) -> bytes:
+        """Return one bundle; ids and `fseq` must fit int32, the floats float32 (NaN is not kept).
+
+        Raises `struct.error` or `OverflowError` for a number that does not fit.
+        """
+        count = len(alive)
+        ids = struct.pack(f">{count}i", *alive)
+        parts = [self._head, _element(_padded(b",s" + b"i" * count) + b"alive\0\0\0" + ids)]
+        parts.extend([_SET.pack(_SET_START, *cursor) for cursor in cursors])
+        parts.append(_FSEQ.pack(_FSEQ_START, fseq))
+        return b"".join(parts)
+
+    def size_bytes(self, alive_count: int, cursor_count: int) -> int:
+        """Return the length of the bundle that `encode` makes."""
+        tags = alive_count + 6 - (alive_count + 2) % 4
+        alive = 4 + len(_ADDRESS) + tags + 8 + 4 * alive_count
+        return len(self._head) + alive + cursor_count * _SET.size + _FSEQ.size
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """What clients were last told of a touch."""
+
+    cursor: Cursor
+    speed: float
+
+
+class TuioSession:
+    """What one display's clients are told: mapped contacts, their ids and the frame numbers.
+
+    `fseq_seed` and `id_seed` are taken modulo 2^31; they must move forward from one start of the
+    program to the next (`seed_at`), since clients drop frames up to 100 behind the last one.  A
+    touch that is not on the display is not told, and has a new id when it comes back.  Touches with
+    a coordinate that is not finite, and those beyond 200, are left out and counted.
+    """
+
+    def __init__(self, mapping: DisplayMapping, source: str, fseq_seed: int, id_seed: int) -> None:
+        self._mapping = mapping
+        self._encoder = BundleEncoder(source)
+        self._fseq = fseq_seed % _INT32_COUNT
+        self._next_id = id_seed % _INT32_COUNT
+        self._known: dict[int, _Known] = {}
+        self._captured_at_s = math.nan
+        self._left_out = 0
+
+    @property
+    def has_contacts(self) -> bool:
+        """Whether clients were last told of any contact."""
+        return bool(self._known)
+
+    @property
+    def left_out(self) -> int:
+        """How many touches were not told because they were not finite or too many."""
+        return self._left_out
+
+    def frame(self, frame: TouchFrame) -> list[bytes]:
+        """Return the bundles that tell `frame`, all under one frame number.
+
+        None at all if there was no contact and is none: a repeat of `full_state` tells that.
+        """
+        elapsed_s = frame.captured_at_s - self._captured_at_s
+        if math.isfinite(frame.captured_at_s):
+            self._captured_at_s = frame.captured_at_s
+        before = self._known
+        shown = self._on_display(frame.touches)
+        self._known = {
+            touch_id: self._advance(touch, before.get(touch_id), elapsed_s)
+            for touch_id, touch in shown.items()
+        }
+        if not before and not self._known:
+            return []
+        continuing = [known.cursor for key, known in self._known.items() if key in before]
+        new = [known.cursor for key, known in self._known.items() if key not in before]
+        fseq = self._fseq
+        self._fseq = (fseq + 1) % _INT32_COUNT
+        return list(self._bundles(continuing, new, fseq))
+
+    def full_state(self) -> list[bytes]:
+        """Return bundles that repeat what was told last, marked as redundant."""
+        cursors = [known.cursor for known in self._known.values()]
+        return list(self._bundles(cursors, [], REDUNDANT_FSEQ))
+
+    def empty(self) -> bytes:
+        """Forget all touches and return the bundle that says so, never dropped as late."""
+        self._known = {}
+        return self._encoder.encode((), (), REDUNDANT_FSEQ)
+
+    def _on_display(self, touches: tuple[Touch, ...]) -> dict[int, Touch]:
+        """Return the touches to tell by their id; those known already come first if too many."""
+        shown = {}
+        for touch in touches:
+            values = (touch.x_mm, touch.y_mm, touch.vx_mm_s, touch.vy_mm_s)
+            if not all(map(math.isfinite, values)):
+                self._left_out += 1
+            elif self._mapping.contains(touch.x_mm, touch.y_mm):
+                shown[touch.id] = touch
+        if len(shown) <= MAX_CURSORS:
+            return shown
+        self._left_out += len(shown) - MAX_CURSORS
+        known_first = sorted(shown, key=lambda touch_id: touch_id not in self._known)
+        return {touch_id: shown[touch_id] for touch_id in known_first[:MAX_CURSORS]}
+
+    def _advance(self, touch: Touch, before: _Known | None, elapsed_s: float) -> _Known:
+        """Return what to tell of a touch, given what was told of it `elapsed_s` ago."""
+        x, y = self._mapping.to_display(touch.x_mm, touch.y_mm)
+        x_speed, y_speed = map(
+            _to_float32, self._mapping.velocity_to_display(touch.vx_mm_s, touch.vy_mm_s)
+        )
+        speed = math.hypot(x_speed, y_speed)
+        if before is None:
+            session_id = self._next_id
+            self._next_id = (session_id + 1) % _INT32_COUNT
+            return _Known(Cursor(session_id, x, y, x_speed, y_speed, 0.0), speed)
+        acceleration = _to_float32((speed - before.speed) / elapsed_s) if elapsed_s > 0.0 else 0.0
+        return _Known(Cursor(before.cursor.id, x, y, x_speed, y_speed, acceleration), speed)
+
+    def _bundles(
+        self, continuing: Sequence[Cursor], new: Sequence[Cursor], fseq: int
+    ) -> Iterator[bytes]:
+        """Encode a frame in as many bundles as it takes, new contacts first.
+
+        Each names the contacts known before and those new ones that it or an earlier one sets:
+        some clients (Qt) show a contact at its first mention, at 0, 0 if it is not set.
+        """
+        alive = [cursor.id for cursor in continuing]
+        waiting = [*new, *continuing]
+        still_new = len(new)
+        while True:
+            count = self._how_many_fit(len(alive), still_new, len(waiting))
+            batch, waiting = waiting[:count], waiting[count:]
+            alive += [cursor.id for cursor in batch[:still_new]]
+            still_new = max(still_new - count, 0)
+            yield self._encoder.encode(alive, batch, fseq)
+            if not waiting:
+                return
+
+    def _how_many_fit(self, alive: int, new: int, waiting: int) -> int:
+        """Return how many waiting contacts, the `new` ones first, fit the next bundle."""
+        count = waiting
+        while self._encoder.size_bytes(alive + min(count, new), count) > MAX_PAYLOAD_BYTES:
+            count -= 1
+        return count
+
+
+def seed_at(unix_time_s: float) -> int:
+    """Return a seed for frame numbers and ids that a later start exceeds.
+
+    It gains a thousand a second, more than a second can have frames or new touches.
+    """
+    return int(unix_time_s * 1000.0) % _INT32_COUNT
+
+
+def default_source_name(host_name: str, configuration_path: str, address: str) -> str:
+    """Return cornertouchd-<6 hex digits>@<address>.
+
+    The digits stand for host and configuration: each instance has its own, at every start the same.
+    """
+    instance = f"{host_name}\0{configuration_path}".encode("utf-8", "surrogateescape")
+    return f"cornertouchd-{hashlib.sha256(instance).hexdigest()[:6]}@{address}"
+
+
+def _to_float32(value: float) -> float:
+    return min(max(value, -_MAX_FLOAT32), _MAX_FLOAT32)
+
+
+def _padded(text: bytes) -> bytes:
+    """Return an OSC string: ended by one to four zeros, a multiple of four bytes."""
+    return text + b"\0" * (4 - len(text) % 4)
+
+
+def _element(arguments: bytes) -> bytes:
+    """Return a bundle element: a 2Dcur message after its length."""
+    return struct.pack(">i", len(_ADDRESS) + len(arguments)) + _ADDRESS + arguments
