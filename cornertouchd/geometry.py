@@ -4,6 +4,9 @@ import numpy as np
 
 from cornertouchd.model import FloatArray
 
+# Directions computed in double precision differ by about 1e-16 when they are meant to be the same.
+PARALLEL = 1e-12
+
 
 def unit_vectors(angles_rad: FloatArray) -> FloatArray:
     """Return the unit vectors (..., 2) that point along the angles (...)."""
@@ -49,3 +52,48 @@ def nearest_point_to_lines(
 def wrap_angle(angles_rad: FloatArray) -> FloatArray:
     """Return the same angles within -pi..pi."""
     return (angles_rad + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def angles_and_distances(
+    points_mm: FloatArray, origins_mm: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the angle and the distance of each point as seen from each origin, (P, N) each.
+
+    `points_mm` is (P, 2), `origins_mm` (N, 2); angles are within -pi..pi.
+    """
+    offsets = points_mm[:, None, :] - origins_mm[None, :, :]
+    angles: FloatArray = np.arctan2(offsets[..., 1], offsets[..., 0])
+    distances: FloatArray = np.hypot(offsets[..., 0], offsets[..., 1])
+    return angles, distances
+
+
+def half_angles_of_discs(radii_mm: FloatArray, distances_mm: FloatArray) -> FloatArray:
+    """Return half the angle that each disc fills; pi for an eye inside the disc.
+
+    The shapes of the radii and of the distances to the centres broadcast.
+    """
+    outside = distances_mm > radii_mm
+    sines = np.divide(radii_mm, distances_mm, out=np.ones(outside.shape), where=outside)
+    half_angles: FloatArray = np.where(outside, np.arcsin(sines), np.pi)
+    return half_angles
+
+
+def line_crossings(
+    normals_a: FloatArray, offsets_a: FloatArray, normals_b: FloatArray, offsets_b: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return where the lines n.p = h cross pairwise, (P, 2), and the determinants, (P,).
+
+    `normals_a` and `normals_b` are (P, 2), the offsets (P,).  The determinant is the sine of the
+    angle between the lines if the normals are of length 1; where it is 0, or nothing but rounding,
+    the point is NaN.
+    """
+    determinants: FloatArray = normals_a[:, 0] * normals_b[:, 1] - normals_a[:, 1] * normals_b[:, 0]
+    x = offsets_a * normals_b[:, 1] - offsets_b * normals_a[:, 1]
+    y = normals_a[:, 0] * offsets_b - normals_b[:, 0] * offsets_a
+    inverse = np.divide(
+        1.0,
+        determinants,
+        out=np.full(determinants.shape, np.nan),
+        where=np.abs(determinants) > PARALLEL,
+    )
+    return np.stack([x, y], axis=-1) * inverse[:, None], determinants

@@ -13,9 +13,12 @@ from cornertouchd.model import Contact, FloatArray, Frame, FrameSet, Observation
 from cornertouchd.vision.finder import make_finder
 from cornertouchd.vision.strip import find_strip
 
+MOST_SHADOWS = 64
+"""A picture with more shadows is garbage: twenty fingers throw at most twenty."""
 
-class PictureSizeError(Exception):
-    """A picture has another size than the calibration expects."""
+
+class PictureError(Exception):
+    """A picture has another size than the calibration expects, or does not show the strip."""
 
 
 class CameraPipeline:
@@ -33,14 +36,19 @@ class CameraPipeline:
         self._finder = make_finder(self._strip, empty, self._settings)
 
     def observe(self, frame: Frame) -> Observation:
-        """Return the shadows in a picture.  Raises `PictureSizeError`."""
+        """Return the shadows in a picture.  Raises `PictureError`."""
         if frame.pixels.shape != self._shape:
             rows, width = frame.pixels.shape[:2]
-            raise PictureSizeError(
-                f"camera {self._camera}: picture of {width}x{rows} pixels, calibrated with "
+            raise PictureError(
+                f"picture of {width}x{rows} pixels, calibrated with "
                 f"{self._shape[1]}x{self._shape[0]}"
             )
         shadows = self._finder.find(frame.pixels)
+        if len(shadows) > MOST_SHADOWS:
+            raise PictureError(
+                f"{len(shadows)} shadows in one picture, {MOST_SHADOWS} are believed: "
+                "noise, or the LED frame flickers"
+            )
         return Observation(frame.camera, frame.sequence, frame.captured_at_s, shadows)
 
 

@@ -6,7 +6,11 @@ from cornertouchd.model import Frame, PictureFormat, TouchFrame
 
 
 class CameraError(Exception):
-    """A camera cannot be opened or gives no more pictures; the message says which and why."""
+    """A camera cannot be opened or gives no more pictures; `reason` says why and what to do."""
+
+    def __init__(self, camera: str, reason: str) -> None:
+        super().__init__(f"camera {camera}: {reason}")
+        self.reason = reason
 
 
 class Camera(Protocol):

@@ -102,11 +102,11 @@ class _Problem:
         half = start.widths_px[:, None, None] / 2
         self._powers = ((touches.columns_px - half) / half)[..., None] ** np.arange(DEGREE + 1)
         self._points = touches.points_mm
-        self._known = np.isfinite(touches.points_mm).all(axis=1)
+        self._known: BoolArray = np.asarray(np.isfinite(touches.points_mm).all(axis=1))
         self._radii = touches.diameters_mm / 2
         self._tap_sigma = tap_sigma_mm
         self._px_rad = start.angles_rad[:, 1] / (start.widths_px / 2)
-        self.seen = np.isfinite(touches.columns_px).all(axis=2)
+        self.seen: BoolArray = np.asarray(np.isfinite(touches.columns_px).all(axis=2))
         self.seen &= self._known | (self.seen.sum(axis=0) >= 2)
         curve = np.zeros((cameras, DEGREE - 1))
         self.start = np.hstack([start.positions_mm, start.angles_rad, curve])
@@ -131,7 +131,8 @@ class _Problem:
     def largest_sigmas(self, parameters: FloatArray) -> FloatArray:
         """Return how many standard deviations each observation is off, (cameras, points)."""
         distances, widths, _ = self._sigmas(parameters, self.seen)
-        return np.maximum(np.abs(distances), np.nan_to_num(np.abs(widths)))
+        largest: FloatArray = np.maximum(np.abs(distances), np.nan_to_num(np.abs(widths)))
+        return largest
 
     def result(self, parameters: FloatArray, used: BoolArray) -> JointFit:
         """Return the fit with its residuals in millimetres."""

@@ -1,5 +1,6 @@
 """From observed reference points to a calibration, by one of the methods."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,8 @@ from cornertouchd.locating.vanishing_point import (
 )
 from cornertouchd.model import BoolArray, FloatArray
 from cornertouchd.vision.strip import Strip
+
+_Fitted = tuple[Sequence[AnglePolynomial | Projection], FloatArray]
 
 SMALLEST_TAPS = 4
 """Four taps fix the gauge: scribbles alone leave a homography free."""
@@ -61,7 +64,7 @@ def calibrate(
     )
 
 
-def _auto(given: ReferenceTouches, tap_sigma_mm: float) -> tuple[list[AnglePolynomial], FloatArray]:
+def _auto(given: ReferenceTouches, tap_sigma_mm: float) -> _Fitted:
     touches = given.touches
     taps = int(np.count_nonzero(_known(touches)))
     if taps < SMALLEST_TAPS:
@@ -92,7 +95,7 @@ def _auto(given: ReferenceTouches, tap_sigma_mm: float) -> tuple[list[AnglePolyn
 def _vanishing_point(
     given: ReferenceTouches,
     tap_sigma_mm: float,  # noqa: ARG001  the paper weighs all points alike
-) -> tuple[list[Projection], FloatArray]:
+) -> _Fitted:
     models = []
     residuals = []
     known = _known(given.touches)
@@ -109,12 +112,14 @@ def _vanishing_point(
     return models, np.array(residuals)
 
 
-_METHODS = {"auto": _auto, "vanishing-point": _vanishing_point}
+_METHODS: dict[Method, Callable[[ReferenceTouches, float], _Fitted]] = {
+    "auto": _auto,
+    "vanishing-point": _vanishing_point,
+}
 
 
 def _known(touches: TouchColumns) -> BoolArray:
-    known: BoolArray = np.isfinite(touches.points_mm).all(axis=1)
-    return known
+    return np.asarray(np.isfinite(touches.points_mm).all(axis=1))
 
 
 def _distances(

@@ -21,7 +21,7 @@ from cornertouchd.wire.tuio_reader import TouchEvent, TrackedSource, TuioReader
 SILENT_AFTER_S = 3.0
 _RATE_OVER_S = 2.0
 _RATE_SAMPLE_S = 0.1
-_NUMBERS_WIDTH = 48
+_NUMBERS_WIDTH = 58
 _BORDER = "#565f89"
 _DIM = "#8089b3"
 _TEXT = "#c0caf5"

@@ -48,8 +48,9 @@ class OpenCvCameraPort:
         capture = cv2.VideoCapture(self._device)
         if not capture.isOpened():
             raise CameraError(
-                f"camera {self._id}: {self._device} cannot be opened; is it plugged in, and may "
-                "this user read it (group video)?"
+                self._id,
+                f"{self._device} cannot be opened; is it plugged in, and may "
+                "this user read it (group video)?",
             )
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._format.width_px)
         capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self._format.height_px)
@@ -61,8 +62,9 @@ class OpenCvCameraPort:
         if size != (self._format.width_px, self._format.height_px):
             capture.release()
             raise CameraError(
-                f"camera {self._id}: {self._device} gives {size[0]}x{size[1]}, configured "
-                f"{self._format.width_px}x{self._format.height_px}; choose a size that it has"
+                self._id,
+                f"{self._device} gives {size[0]}x{size[1]}, configured "
+                f"{self._format.width_px}x{self._format.height_px}; choose a size that it has",
             )
         return OpenCvCamera(self._id, self._device, self._format, capture, self._now_s)
 
@@ -89,7 +91,7 @@ class OpenCvCamera:
         """Return the next picture.  Raises `CameraError` when there is none."""
         ok, picture = self._capture.read()
         if not ok or picture is None:
-            raise CameraError(f"camera {self._id}: {self._device} gives no more pictures")
+            raise CameraError(self._id, f"{self._device} gives no more pictures")
         frame = Frame(
             self._id, self._sequence, self._captured_at_s(), None, self._band(_grey(picture))
         )
@@ -108,9 +110,10 @@ class OpenCvCamera:
     def _band(self, picture: Picture) -> Picture:
         if picture.shape != (self._format.height_px, self._format.width_px):
             raise CameraError(
-                f"camera {self._id}: {self._device} sent a picture of "
+                self._id,
+                f"{self._device} sent a picture of "
                 f"{picture.shape[1]}x{picture.shape[0]}, configured "
-                f"{self._format.width_px}x{self._format.height_px}"
+                f"{self._format.width_px}x{self._format.height_px}",
             )
         first = self._format.row_offset_px
         return picture[first : first + self._format.rows_px]

@@ -23,14 +23,13 @@ class AnglePolynomial:
 
     def angles_rad(self, columns_px: FloatArray) -> FloatArray:
         """Return the angles of the directing lines of columns."""
-        angles: FloatArray = polyval(self._normalised(columns_px), self.coefficients_rad)
-        return angles
+        return self._evaluate(columns_px, self.coefficients_rad)
 
     def slopes_rad_px(self, columns_px: FloatArray) -> FloatArray:
         """Return how fast the angle changes with the column, radians per pixel."""
         derivative = polyder(np.asarray(self.coefficients_rad))
-        slopes: FloatArray = polyval(self._normalised(columns_px), derivative)
-        return slopes / (self.width_px / 2)
+        return self._evaluate(columns_px, tuple(derivative)) / (self.width_px / 2)
 
-    def _normalised(self, columns_px: FloatArray) -> FloatArray:
-        return (columns_px - self.width_px / 2) / (self.width_px / 2)
+    def _evaluate(self, columns_px: FloatArray, coefficients: tuple[float, ...]) -> FloatArray:
+        w = (columns_px - self.width_px / 2) / (self.width_px / 2)
+        return np.asarray(polyval(w, coefficients), np.float64)

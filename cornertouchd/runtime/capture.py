@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from cornertouchd.config import CamerasSettings
 from cornertouchd.model import Frame, Observation
-from cornertouchd.pipeline import CameraPipeline
+from cornertouchd.pipeline import CameraPipeline, PictureError
 from cornertouchd.ports import Camera, CameraError, CameraPort
 from cornertouchd.runtime.faults import FaultLog
 from cornertouchd.runtime.latest import Latest
@@ -86,10 +86,10 @@ class CaptureThread:
         try:
             camera = self._port.open()
         except CameraError as error:
-            self._faults.fault(str(error))
+            self._faults.fault("not opened", error.reason)
             return
         except Exception as error:  # noqa: BLE001  a driver may raise anything; the thread lives on
-            self._faults.fault(f"cannot be opened: {error}", error)
+            self._faults.fault("opening failed", error, traceback_of=error)
             return
         self._opened += 1
         try:
@@ -103,10 +103,10 @@ class CaptureThread:
             try:
                 frame = camera.read(self._settings.read_timeout_s)
             except CameraError as error:
-                self._faults.fault(str(error))
+                self._faults.fault("lost", error.reason)
                 return
             except Exception as error:  # noqa: BLE001
-                self._faults.fault(f"reading failed: {error}", error)
+                self._faults.fault("reading failed", error, traceback_of=error)
                 return
             if frame is not None and self._observe(frame):
                 in_a_row = 0
@@ -120,8 +120,11 @@ class CaptureThread:
     def _observe(self, frame: Frame) -> bool:
         try:
             observation = self._pipeline.observe(frame)
+        except PictureError as error:
+            self._faults.fault("picture refused", error)
+            return False
         except Exception as error:  # noqa: BLE001  a stage that raises costs a picture, no more
-            self._faults.fault(f"picture not understood: {error}", error)
+            self._faults.fault("picture not understood", error, traceback_of=error)
             return False
         self._frames += 1
         self._faults.recovered()
@@ -132,4 +135,4 @@ class CaptureThread:
         try:
             camera.close()
         except Exception as error:  # noqa: BLE001
-            self._faults.fault(f"cannot be closed: {error}", error)
+            self._faults.fault("closing failed", error, traceback_of=error)

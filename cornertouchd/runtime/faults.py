@@ -4,29 +4,33 @@ import logging
 
 
 class FaultLog:
-    """Speaks about the faults of one part of the daemon.  Used by one thread."""
+    """Speaks about the faults of one part of the daemon, `name`.  Used by one thread."""
 
     def __init__(self, name: str) -> None:
         self._log = logging.getLogger("cornertouchd")
         self._name = name
-        self._last = ""
+        self._last_kind = ""
         self._in_a_row = 0
         self.count = 0
 
-    def fault(self, message: str, error: BaseException | None = None) -> None:
-        """Count a fault; log it, with the traceback of `error`, unless it is the same as before."""
+    def fault(
+        self, kind: str, detail: object = "", *, traceback_of: BaseException | None = None
+    ) -> None:
+        """Count a fault; log it unless the one before was of the same kind.
+
+        `detail` may differ from one to the next; `traceback_of` is logged with its traceback.
+        """
         self.count += 1
         self._in_a_row += 1
-        if message != self._last:
-            self._last = message
-            self._log.error("%s: %s", self._name, message, exc_info=error)
+        if kind != self._last_kind:
+            self._last_kind = kind
+            text = f"{self._name}: {kind}" + (f": {detail}" if str(detail) else "")
+            self._log.error(text, exc_info=traceback_of)
 
     def recovered(self) -> None:
         """Log that the faults are over, and how many there were."""
         if self._in_a_row:
-            plural = "" if self._in_a_row == 1 else "s"
-            self._log.warning(
-                "%s: works again after %d fault%s", self._name, self._in_a_row, plural
-            )
+            faults = "1 fault" if self._in_a_row == 1 else f"{self._in_a_row} faults"
+            self._log.warning("%s: works again after %s", self._name, faults)
         self._in_a_row = 0
-        self._last = ""
+        self._last_kind = ""

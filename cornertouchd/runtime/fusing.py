@@ -94,7 +94,7 @@ class FusionThread:
             try:
                 self._step()
             except Exception as error:  # noqa: BLE001  a stage that raises costs its touches, no more
-                self._faults.fault(f"a frame set was lost: {error}", error)
+                self._faults.fault("a frame set was lost", error, traceback_of=error)
                 self._lift(self._clock.now_s())
         for sink in self._sinks:
             sink.close()

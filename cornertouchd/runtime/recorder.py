@@ -81,9 +81,7 @@ class Recorder:
                 while not self._stop.is_set():
                     frame = camera.read(self._timeout_s)
                     if frame is None:
-                        raise CameraError(
-                            f"camera {port.id}: no picture for {self._timeout_s:g} s"
-                        )
+                        raise CameraError(port.id, f"no picture for {self._timeout_s:g} s")
                     self._put(replace(frame, pixels=frame.pixels.copy()))
             finally:
                 camera.close()

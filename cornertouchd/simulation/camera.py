@@ -101,7 +101,7 @@ class SimulatedCameraPort:
 
     def _check_plugged(self) -> None:
         if self.fault is Fault.UNPLUGGED:
-            raise CameraError(f"camera {self._id}: unplugged; plug it in and open it again")
+            raise CameraError(self._id, "unplugged; plug it in and open it again")
 
 
 class SimulatedCamera:
@@ -120,7 +120,7 @@ class SimulatedCamera:
         `CameraError` when the camera is unplugged or closed.
         """
         if self._closed:
-            raise CameraError(f"camera {self._port.id}: closed; open it again before reading")
+            raise CameraError(self._port.id, "closed; open it again before reading")
         deadline_s = self._clock.now_s() + timeout_s
         due_s = self._port.captured_at_s(self._next)
         self._clock.sleep_until(min(due_s, deadline_s))

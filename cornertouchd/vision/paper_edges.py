@@ -9,11 +9,16 @@ from cornertouchd.config import PaperVisionSettings
 from cornertouchd.model import BoolArray, FloatArray, Picture, Shadow
 from cornertouchd.vision.strip import Strip
 
+HALF_SHADED_PX = 2
+"""Columns this near to the camera in the far corner are half shaded by it: an edge that stays."""
+
 
 def strip_mask(strip: Strip, rows_px: int) -> BoolArray:
     """Return the binary mask of the strip (not its mirror image), (rows_px, width_px).  Eq. 1."""
     rows = np.arange(rows_px)[:, None] + 0.5
-    mask: BoolArray = (rows > strip.top_px) & (rows < strip.surface_px) & strip.visible
+    near = np.ones(2 * HALF_SHADED_PX + 1)
+    clear = np.convolve(~strip.visible, near, mode="same") < 0.5
+    mask: BoolArray = (rows > strip.top_px) & (rows < strip.surface_px) & clear
     return mask
 
 

@@ -75,7 +75,7 @@ def find_strip(empty: FloatArray) -> Strip:
     rows = _rows_by_column(lit)
     clear = np.isfinite(rows.top)
     if np.count_nonzero(clear) < empty.shape[1] // 4:
-        raise StripNotFoundError(_what_is_wrong(empty, dark, np.count_nonzero(clear)))
+        raise StripNotFoundError(_what_is_wrong(empty, dark, int(np.count_nonzero(clear))))
     mirrored = bool(np.mean(np.isfinite(rows.surface[clear])) > 0.5)
     surface = rows.surface if mirrored else rows.bottom
     corner = _far_corner(rows)
@@ -166,7 +166,7 @@ def _far_corner(rows: _ColumnRows) -> float:
 
 def _two_curves(rows: FloatArray, corner: float) -> tuple[FloatArray, BoolArray]:
     """Fit one smooth curve to either side of the corner; tell which columns it is backed in."""
-    columns = np.arange(len(rows)) + 0.5
+    columns = _column_centres(len(rows))
     curve = np.full(len(rows), np.nan)
     backed = np.zeros(len(rows), bool)
     for side in (columns <= corner, columns > corner):
@@ -206,10 +206,13 @@ def _darkened(lit: FloatArray, corner: float) -> BoolArray:
     width = lit.shape[1]
     level = np.sort(lit, axis=0)[-min(6, lit.shape[0]) :].mean(axis=0)
     usual = np.maximum(_running_median(level, 31), 1.0)
-    columns = np.arange(width) + 0.5
-    near = np.abs(columns - corner) < max(12.0, 0.03 * width)
-    dark = near & (level < 0.75 * usual)
-    return dark | (np.abs(columns - corner) < 1.0) if not dark.any() else dark
+    off_px = np.abs(_column_centres(width) - corner)
+    dark: BoolArray = (off_px < max(12.0, 0.03 * width)) & (level < 0.75 * usual)
+    return dark if dark.any() else off_px < 1.0
+
+
+def _column_centres(width: int) -> FloatArray:
+    return np.arange(width, dtype=np.float64) + 0.5
 
 
 def _camera_height_share(surface: FloatArray, height: FloatArray, visible: BoolArray) -> float:

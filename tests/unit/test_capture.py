@@ -58,7 +58,7 @@ class FakeCamera:
         step = self._port.next_step()
         self._sequence += 1
         if step == "gone":
-            raise CameraError("camera C1: gone")
+            raise CameraError("C1", "gone")
         if step == "bug":
             raise RuntimeError("a driver's bug")
         if step == "none":
@@ -124,7 +124,7 @@ def test_a_camera_that_vanishes_is_opened_again(run, caplog: pytest.LogCaptureFi
     assert thread.counts().frames == 3
     assert port.opened == 2
     assert port.closed == 1
-    assert "camera C1: gone" in caplog.text
+    assert "camera C1: lost: gone" in caplog.text
     assert "works again after 1 fault" in caplog.text
 
 
@@ -157,7 +157,7 @@ def test_a_bug_in_a_driver_does_not_end_the_thread(run, caplog: pytest.LogCaptur
 def test_the_same_fault_is_logged_once(run, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.ERROR):
         run(["gone"] * 4)
-    assert caplog.text.count("camera C1: gone") == 1
+    assert caplog.text.count("camera C1: lost: gone") == 1
 
 
 def test_it_stops_when_told(run) -> None:

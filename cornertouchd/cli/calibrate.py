@@ -1,0 +1,144 @@
+"""`cornertouchd calibrate`: from recordings of taps to a calibration file."""
+
+from collections import Counter
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from cornertouchd import __version__
+from cornertouchd.calibration.calibration import Calibration, CalibrationError, Method
+from cornertouchd.calibration.file import save_calibration
+from cornertouchd.calibration.gathering import ReferenceTouches, Taps, gather_touches
+from cornertouchd.calibration.joint_fit import TouchColumns
+from cornertouchd.calibration.methods import Stamp
+from cornertouchd.calibration.methods import calibrate as fit
+from cornertouchd.config import Settings, read_settings
+from cornertouchd.devices.recording import RecordedPoint, Recording, open_recording, read_points
+
+
+@click.command()
+@click.option(
+    "--recording",
+    "directory",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Recording of taps at known places, one a frame set.",
+)
+@click.option(
+    "--points",
+    "points_file",
+    type=click.Path(path_type=Path),
+    help="Where the taps were; else points.csv of the recording.",
+)
+@click.option(
+    "--scribble",
+    "scribble_directory",
+    type=click.Path(path_type=Path),
+    help="Recording of one finger at unknown places (method auto).",
+)
+@click.option(
+    "--empty",
+    "empty_directory",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Recording of the empty surface.",
+)
+@click.option("--output", type=click.Path(path_type=Path), required=True, help="Calibration file.")
+@click.option(
+    "--method",
+    type=click.Choice(["auto", "vanishing-point"]),
+    default="auto",
+    show_default=True,
+    help="auto is our best; vanishing-point is the paper's, section 6.1.2.",
+)
+@click.option(
+    "--tap-sigma-mm",
+    type=click.FloatRange(0.01, 20.0),
+    default=0.5,
+    show_default=True,
+    help="How far taps are off their places (standard deviation).",
+)
+@click.option("--config", "config_file", type=click.Path(path_type=Path), help="Settings.")
+def calibrate(
+    directory: Path,
+    points_file: Path | None,
+    scribble_directory: Path | None,
+    empty_directory: Path,
+    output: Path,
+    method: Method,
+    tap_sigma_mm: float,
+    config_file: Path | None,
+) -> None:
+    """Calibrate from recordings and save the result."""
+    settings = read_settings(config_file) if config_file else Settings()
+    taps = open_recording(directory)
+    points = read_points(points_file or directory / "points.csv")
+    scribble = open_recording(scribble_directory) if scribble_directory else None
+    given = _gather(taps, points, scribble, open_recording(empty_directory), settings)
+    stamp = Stamp(datetime.now(UTC).isoformat(timespec="seconds"), __version__)
+    calibration = fit(method, given, tap_sigma_mm, stamp)
+    save_calibration(calibration, output)
+    _print(calibration, given.touches, output)
+
+
+def _gather(
+    taps: Recording,
+    points: Sequence[RecordedPoint],
+    scribble: Recording | None,
+    empty: Recording,
+    settings: Settings,
+) -> ReferenceTouches:
+    for other in (empty, scribble):
+        if other is not None and dict(other.formats) != dict(taps.formats):
+            raise CalibrationError(
+                f"{other.directory}: its cameras or picture sizes are not those of "
+                f"{taps.directory}; record all parts with the same settings"
+            )
+    known = Taps(taps, *_places(taps, points))
+    return gather_touches(
+        taps.surface_mm, taps.formats, empty, known, scribble or (), settings.vision
+    )
+
+
+def _places(taps: Recording, points: Sequence[RecordedPoint]) -> tuple[np.ndarray, np.ndarray]:
+    """Return where each frame set was touched and with what diameter, NaN where unknown.
+
+    A frame set with several contacts counts as unknown: which shadow is whose cannot be told.
+    """
+    places = np.full((len(taps), 2), np.nan)
+    diameters = np.full(len(taps), np.nan)
+    times = Counter(point.set for point in points)
+    for point in points:
+        if point.set >= len(taps):
+            raise CalibrationError(
+                f"{taps.directory}: has {len(taps)} frame sets, a reference point names set "
+                f"{point.set}"
+            )
+        if times[point.set] == 1:
+            places[point.set] = point.x_mm, point.y_mm
+            if point.diameter_mm is not None:
+                diameters[point.set] = point.diameter_mm
+    return places, diameters
+
+
+def _print(calibration: Calibration, touches: TouchColumns, output: Path) -> None:
+    seen = np.isfinite(touches.columns_px).all(axis=2)
+    table = Table(title=f"{calibration.method}: {calibration.reference_points} reference points")
+    for title in ("camera", "position mm", "touches seen", "residual mm"):
+        table.add_column(title, justify="left" if title == "camera" else "right")
+    for camera, count in zip(calibration.cameras, seen.sum(axis=1).tolist(), strict=True):
+        x, y = camera.model.position_mm
+        table.add_row(
+            camera.id,
+            f"{x:.1f}, {y:.1f}",
+            f"{count} of {seen.shape[1]}",
+            f"{camera.residual_mm:.3f}",
+        )
+    console = Console(stderr=True)
+    console.print(table)
+    console.print(f"residual {calibration.residual_mm:.3f} mm; saved {output}", highlight=False)

@@ -1,0 +1,48 @@
+"""`cornertouchd run`: the daemon."""
+
+import logging
+import os
+from pathlib import Path
+
+import click
+
+from cornertouchd.cli.working import config_name, log_to_stderr, work
+from cornertouchd.config import Settings, find_settings, read_settings
+from cornertouchd.runtime.assembly import find_calibration, make_ports, make_tuio_sink
+from cornertouchd.runtime.clock import MonotonicClock
+from cornertouchd.runtime.daemon import Daemon
+from cornertouchd.runtime.stop_signal import StopSignal
+
+_log = logging.getLogger("cornertouchd")
+
+
+@click.command()
+@click.option(
+    "--config",
+    "config_file",
+    type=click.Path(path_type=Path),
+    help="Settings; else $CORNERTOUCHD_CONFIG, else /etc/cornertouchd/cornertouchd.toml.",
+)
+def run(config_file: Path | None) -> None:
+    """Run the daemon: cameras in, TUIO out, until SIGINT or SIGTERM."""
+    log_to_stderr()
+    path = find_settings(config_file, os.environ)
+    settings = read_settings(path) if path else Settings()
+    clock = MonotonicClock()
+    calibration = find_calibration(settings, os.environ)
+    with StopSignal() as stop:
+        daemon = Daemon(
+            make_ports(settings, clock),
+            calibration,
+            [make_tuio_sink(settings, config_name(path))],
+            settings,
+            clock,
+        )
+        _log.info(
+            "running: %d cameras, TUIO to %s",
+            len(calibration.cameras),
+            ", ".join(f"{to.host}:{to.port}" for to in settings.tuio.destinations) or "nobody",
+        )
+        work(daemon, stop, None, lambda _: None)
+    counts = daemon.fusion_counts()
+    _log.info("stopped: %d frame sets, %d touches", counts.frame_sets, counts.touches_begun)

@@ -1,0 +1,61 @@
+"""Words of the command line that stand for values."""
+
+import re
+
+import click
+
+
+class HostPort(click.ParamType[tuple[str, int]]):
+    """`HOST:PORT`, as (host, port)."""
+
+    name = "host:port"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, int]:
+        """Return host and port."""
+        found = re.fullmatch(r"\[?([^\s\[\]]+?)\]?:(\d{1,5})", str(value))
+        if found is None or not 1 <= int(found[2]) <= 65535:
+            self.fail(f"{value!r} is not HOST:PORT, such as 127.0.0.1:3333", param, ctx)
+        return found[1], int(found[2])
+
+
+class SetRuns(click.ParamType[tuple[tuple[int, int], ...]]):
+    """`0-7,24-27`: runs of frame sets, as ((0, 7), (24, 27))."""
+
+    name = "runs"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[tuple[int, int], ...]:
+        """Return first and last frame set of every run, in order."""
+        runs = []
+        for part in str(value).split(","):
+            found = re.fullmatch(r"\s*(\d+)(?:-(\d+))?\s*", part)
+            if found is None:
+                self.fail(f"{part!r} is not a run of frame sets, such as 0-7", param, ctx)
+            runs.append((int(found[1]), int(found[2] or found[1])))
+        ends = [end for run in runs for end in run]
+        if ends != sorted(ends):
+            self.fail(f"{value!r}: runs must follow each other, such as 0-7,24-27", param, ctx)
+        return tuple(runs)
+
+
+class Speed(click.ParamType[float]):
+    """A factor above 0, or `max`: as fast as it goes (inf)."""
+
+    name = "speed"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the factor."""
+        if value == "max":
+            return float("inf")
+        try:
+            factor = float(str(value))
+        except ValueError:
+            factor = 0.0
+        if not 0.0 < factor <= 1000.0:
+            self.fail(f"{value!r} is neither a factor up to 1000 nor max", param, ctx)
+        return factor

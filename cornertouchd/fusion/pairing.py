@@ -1,0 +1,232 @@
+"""Pairing: observations that the cameras made at one instant, put together by capture time.
+
+Open sets cover disjoint spans of time, in ascending order, none longer than the tolerance.  An
+observation joins the set whose span it lies in or can stretch, else it opens a new one.  A set is
+given out when every live camera has given to it or is past it, or when it has waited long enough,
+and never before an older one.  So a camera that runs ahead of the others waits for them, and one
+that lost a picture or is gone holds nobody up for longer than the deadline.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+
+from cornertouchd.config import PairingSettings
+from cornertouchd.model import FrameSet, Observation
+
+
+@dataclass(frozen=True, slots=True)
+class PairingCounts:
+    """What pairing has done since it was made; the numbers only grow.
+
+    `incomplete_sets` of the `sets` lacked a live camera.  `missed_observations` are gaps in the
+    sequence numbers, `dropped_observations` came after their set, twice, or without a time.
+    `restarts` are jumps back in time.
+    """
+
+    sets: int = 0
+    incomplete_sets: int = 0
+    missed_observations: int = 0
+    dropped_observations: int = 0
+    restarts: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _OpenSet:
+    """Observations of one instant, by camera, and when the first of them arrived."""
+
+    observations: dict[str, Observation]
+    begins_at_s: float
+    ends_at_s: float
+    arrived_at_s: float
+
+    def with_one_more(self, observation: Observation) -> "_OpenSet":
+        return replace(
+            self,
+            observations={**self.observations, observation.camera: observation},
+            begins_at_s=min(self.begins_at_s, observation.captured_at_s),
+            ends_at_s=max(self.ends_at_s, observation.captured_at_s),
+        )
+
+    @property
+    def length_s(self) -> float:
+        return self.ends_at_s - self.begins_at_s
+
+
+class FrameSetPairing:
+    """Pairs observations; each is given out in one set, or counted as dropped.
+
+    Owned by one thread.  Times are those of the observations and, as `now_s`, of their arrival; the
+    two clocks need not agree.
+    """
+
+    def __init__(self, cameras: Sequence[str], settings: PairingSettings) -> None:
+        self._cameras = tuple(cameras)
+        self._tolerance_s = settings.tolerance_ms / 1000.0
+        self._deadline_s = settings.deadline_ms / 1000.0
+        self._live = frozenset(cameras)
+        self._counts = PairingCounts()
+        self._forget()
+
+    @property
+    def counts(self) -> PairingCounts:
+        """What has been done so far."""
+        return self._counts
+
+    @property
+    def next_due_at_s(self) -> float | None:
+        """When `due` should be called at the latest; None if nothing waits."""
+        arrivals = [waiting.arrived_at_s for waiting in self._open]
+        return min(arrivals) + self._deadline_s if arrivals else None
+
+    def set_live(self, cameras: Iterable[str]) -> None:
+        """Name the cameras to wait for.  Observations of others still join when they come.
+
+        Raises `ValueError` for a camera that is not one of those given at the beginning.
+        """
+        live = frozenset(cameras)
+        for camera in live:
+            self._require_known(camera)
+        self._live = live
+
+    def reset(self) -> None:
+        """Drop what waits and forget all times; the counts and the live cameras stay."""
+        self._count(dropped_observations=sum(len(waiting.observations) for waiting in self._open))
+        self._forget()
+
+    def add(self, observation: Observation, now_s: float) -> list[FrameSet]:
+        """Take an observation that arrived at `now_s`; return the sets that are ready, in order.
+
+        When the times of a camera jump back, as after the end of a repeated recording, what waits
+        is given out and pairing begins anew.  Raises `ValueError` for an unknown camera.
+        """
+        self._require_known(observation.camera)
+        if not self._is_news(observation):
+            self._count(dropped_observations=1)
+            return self.due(now_s)
+        ready = self._restart() if self._jumps_back(observation) else []
+        self._take_note_of(observation)
+        if self._comes_too_late(observation):
+            self._behind.add(observation.camera)
+            if not self._behind >= self._live:
+                self._count(dropped_observations=1)
+                return ready + self.due(now_s)
+            # every camera is behind the last set, so it is that one whose time was wrong
+            ready += self._restart()
+            self._take_note_of(observation)
+        self._behind.clear()
+        self._put_into_a_set(observation, now_s)
+        return ready + self.due(now_s)
+
+    def due(self, now_s: float) -> list[FrameSet]:
+        """Return the sets for which nothing more can come or that have waited long enough."""
+        ready = [
+            number
+            for number, waiting in enumerate(self._open)
+            if self._is_all_that_can_come(waiting)
+            or now_s >= waiting.arrived_at_s + self._deadline_s
+        ]
+        return self._give_out(max(ready) + 1) if ready else []
+
+    def _forget(self) -> None:
+        self._open: list[_OpenSet] = []
+        self._newest: dict[str, Observation] = {}
+        self._last_given: _OpenSet | None = None
+        self._behind: set[str] = set()
+
+    def _restart(self) -> list[FrameSet]:
+        ready = self._give_out(len(self._open))
+        self._forget()
+        self._count(restarts=1)
+        return ready
+
+    def _require_known(self, camera: str) -> None:
+        if camera not in self._cameras:
+            known = ", ".join(self._cameras)
+            raise ValueError(f"camera {camera}: not one of those that are paired: {known}")
+
+    def _is_news(self, observation: Observation) -> bool:
+        newest = self._newest.get(observation.camera)
+        return isfinite(observation.captured_at_s) and (
+            newest is None or observation.captured_at_s != newest.captured_at_s
+        )
+
+    def _jumps_back(self, observation: Observation) -> bool:
+        newest = self._newest.get(observation.camera)
+        return newest is not None and observation.captured_at_s < newest.captured_at_s
+
+    def _take_note_of(self, observation: Observation) -> None:
+        """Remember the newest picture of the camera; count those that were never seen.
+
+        A camera that was opened anew begins at a lower number: nothing is missing then.
+        """
+        before = self._newest.get(observation.camera)
+        if before is not None:
+            self._count(missed_observations=max(observation.sequence - before.sequence - 1, 0))
+        self._newest[observation.camera] = observation
+
+    def _comes_too_late(self, observation: Observation) -> bool:
+        """Tell whether the observation belongs to the last set given out, or before it."""
+        last = self._last_given
+        if last is None:
+            return False
+        belongs_to_it = (
+            observation.camera not in last.observations
+            and observation.captured_at_s - last.begins_at_s <= self._tolerance_s
+        )
+        return belongs_to_it or observation.captured_at_s <= last.ends_at_s
+
+    def _put_into_a_set(self, observation: Observation, now_s: float) -> None:
+        time_s = observation.captured_at_s
+        stretched = {
+            number: waiting.with_one_more(observation)
+            for number, waiting in enumerate(self._open)
+            if observation.camera not in waiting.observations
+        }
+        fitting = [n for n, larger in stretched.items() if larger.length_s <= self._tolerance_s]
+        if fitting:
+            nearest = min(fitting, key=lambda n: stretched[n].length_s - self._open[n].length_s)
+            self._open[nearest] = stretched[nearest]
+        elif any(waiting.begins_at_s <= time_s <= waiting.ends_at_s for waiting in self._open):
+            # a second picture of the instant: the camera is faster than the tolerance can tell
+            self._count(dropped_observations=1)
+        else:
+            self._open.append(_OpenSet({observation.camera: observation}, time_s, time_s, now_s))
+            self._open.sort(key=lambda waiting: waiting.begins_at_s)
+
+    def _is_all_that_can_come(self, waiting: _OpenSet) -> bool:
+        return all(
+            camera in waiting.observations or self._is_past(camera, waiting)
+            for camera in self._live
+        )
+
+    def _is_past(self, camera: str, waiting: _OpenSet) -> bool:
+        newest = self._newest.get(camera)
+        return newest is not None and newest.captured_at_s - waiting.begins_at_s > self._tolerance_s
+
+    def _give_out(self, number: int) -> list[FrameSet]:
+        """Return the oldest open sets, so many of them, and close them."""
+        closed, self._open = self._open[:number], self._open[number:]
+        if closed:
+            self._last_given = closed[-1]
+        for waiting in closed:
+            self._count(sets=1, incomplete_sets=int(not self._live <= waiting.observations.keys()))
+        return [self._frame_set(waiting) for waiting in closed]
+
+    def _frame_set(self, waiting: _OpenSet) -> FrameSet:
+        times = sorted(one.captured_at_s for one in waiting.observations.values())
+        return FrameSet(
+            # the lower median: in the middle, and a time that was really measured
+            captured_at_s=times[(len(times) - 1) // 2],
+            observations=tuple(
+                waiting.observations[camera]
+                for camera in self._cameras
+                if camera in waiting.observations
+            ),
+        )
+
+    def _count(self, **more: int) -> None:
+        self._counts = replace(
+            self._counts,
+            **{name: getattr(self._counts, name) + number for name, number in more.items()},
+        )

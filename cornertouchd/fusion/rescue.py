@@ -1,0 +1,100 @@
+"""Rescue: contacts that a camera fails to show.
+
+A camera misses a shadow when its strip is soiled there or a picture is torn.  Two cameras miss one
+when they look at each other past a thin contact, each with the other's body for a background.  Such
+a contact lies in the light of those cameras and so in no cell; what the other cameras saw of it
+stays unexplained.  So cameras are disbelieved: each one in turn, and each pair along its line.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from cornertouchd.fusion.candidates import Candidates, find_candidates
+from cornertouchd.fusion.cells import CellRows, DiscLimits, find_cells
+from cornertouchd.fusion.edge_rows import EdgeRows, IntArray, without_cameras
+from cornertouchd.geometry import angles_and_distances, half_angles_of_discs, wrap_angle
+from cornertouchd.model import BoolArray
+
+# With three cameras two would be left, and any two shadows cross.
+FEWEST_CAMERAS = 4
+# Two whole shadows.  Three edges would find a tenth more of the missed contacts, but with a
+# calibration error of 1 mm it makes twice as many ghosts as it finds contacts.
+FEWEST_EDGES = 4
+FEWEST_CAMERAS_WITH_EDGES = 2
+# A large disc touches too many edges by chance.
+LARGEST_RADIUS_MM = 10.0
+# What a camera's body hides of the strip to either side of its pinhole, generously.
+CAMERA_BODY_MM = 15.0
+
+
+def is_needed(rows: EdgeRows, unexplained: BoolArray) -> bool:
+    """Tell whether there are cameras and unexplained edges (by number) enough for a rescue."""
+    enough_edges = int(np.count_nonzero(unexplained)) >= FEWEST_EDGES
+    return enough_edges and len(rows.cameras) >= FEWEST_CAMERAS
+
+
+def rescue_candidates(
+    rows: EdgeRows, unexplained: BoolArray, limits: DiscLimits
+) -> list[Candidates]:
+    """Return the discs that touch enough of the unexplained edges, for each set of disbelieved.
+
+    The rows of the disbelieved cameras themselves are void.
+    """
+    cameras = range(len(rows.cameras))
+    missed_by_one = [_shown_by_others((c,), rows, unexplained, limits) for c in cameras]
+    missed_by_two = [
+        _in_line(_shown_by_others(pair, rows, unexplained, limits), pair, rows)
+        for pair in combinations(cameras, 2)
+    ]
+    return missed_by_one + missed_by_two
+
+
+def _shown_by_others(
+    disbelieved: Sequence[int], rows: EdgeRows, unexplained: BoolArray, limits: DiscLimits
+) -> Candidates:
+    others, shadows = without_cameras(rows, disbelieved)
+    found = find_candidates(others, find_cells(others, limits), limits)
+    edges = 2 * shadows[found.rows.edges // 2] + found.rows.edges % 2
+    explains = found.tangent & unexplained[edges]
+    per_camera = explains.reshape(len(found), len(others.cameras), 2)
+    kept = (
+        (np.count_nonzero(explains, axis=1) >= FEWEST_EDGES)
+        & (np.count_nonzero(np.any(per_camera, axis=2), axis=1) >= FEWEST_CAMERAS_WITH_EDGES)
+        & (found.discs[:, 2] <= LARGEST_RADIUS_MM)
+    )
+    return _with_void_rows(found.take(kept), edges[kept], disbelieved, rows)
+
+
+def _with_void_rows(
+    found: Candidates, edges: IntArray, disbelieved: Sequence[int], rows: EdgeRows
+) -> Candidates:
+    """Insert rows that bound nothing and that nothing touches in place of the cameras'."""
+    void = np.repeat(np.asarray(disbelieved, dtype=np.intp), 2)
+    place = 2 * (void - np.repeat(np.arange(len(disbelieved)), 2))
+    return replace(
+        found,
+        rows=CellRows(
+            edges=np.insert(edges, place, 2 * rows.first_shadow[void], axis=1),
+            normals=np.insert(found.rows.normals, place, 0.0, axis=1),
+            offsets_mm=np.insert(found.rows.offsets_mm, place, 0.0, axis=1),
+            sigma_rad=np.insert(found.rows.sigma_rad, place, 1.0, axis=1),
+            valid=np.insert(found.rows.valid, place, False, axis=1),
+            origins_mm=rows.positions_mm,
+        ),
+        z=np.insert(found.z, place, np.inf, axis=1),
+        tangent=np.insert(found.tangent, place, False, axis=1),
+        missed=np.ones(len(found), dtype=np.bool_),
+    )
+
+
+def _in_line(found: Candidates, pair: tuple[int, int], rows: EdgeRows) -> Candidates:
+    """Keep the discs that each camera of the pair sees before the body of the other."""
+    eyes = rows.positions_mm[list(pair)]
+    to_discs, distances = angles_and_distances(found.discs[:, :2], eyes)
+    to_bodies, apart = angles_and_distances(eyes[::-1], eyes)
+    beside = np.abs(wrap_angle(to_discs - np.diag(to_bodies)))
+    reach = half_angles_of_discs(found.discs[:, 2:], distances) + CAMERA_BODY_MM / apart[0, 0]
+    return found.take(np.flatnonzero(np.all(beside < reach, axis=1)))

@@ -1,0 +1,146 @@
+"""The whole daemon on the simulated rig, while its cameras vanish, stall and send garbage."""
+
+import logging
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from cornertouchd.calibration.calibration import Calibration, CalibrationError
+from cornertouchd.config import CamerasSettings, Settings
+from cornertouchd.model import TouchFrame
+from cornertouchd.runtime.clock import MonotonicClock
+from cornertouchd.runtime.daemon import Daemon
+from cornertouchd.runtime.simulated_rig import calibrate_rig
+from cornertouchd.simulation.camera import Fault, SimulatedCameraPort, rig_ports
+from cornertouchd.simulation.fingers import Finger
+from cornertouchd.simulation.rig import SimulatedRig
+from cornertouchd.simulation.scripts import TimedFinger
+
+PATIENCE_S = 30.0
+FINGERS = (Finger(120.0, 150.0, 11.0), Finger(240.0, 280.0, 12.0))
+SETTINGS = Settings(
+    cameras=CamerasSettings(
+        source="simulated",
+        rate_hz=40.0,
+        read_timeout_s=0.1,
+        failures_before_reopen=3,
+        reopen_delay_s=0.1,
+        reopen_delay_max_s=0.2,
+    )
+)
+
+
+class ListeningSink:
+    """Knows what a client would show; waits can be put on it."""
+
+    def __init__(self) -> None:
+        self._told = threading.Condition()
+        self.places: list[tuple[float, float]] = []
+        self.most = 0
+        self.frames = 0
+        self.closed = False
+
+    def send(self, frame: TouchFrame, now_s: float) -> None:
+        self._show([(touch.x_mm, touch.y_mm) for touch in frame.touches])
+
+    def lift_all(self, now_s: float) -> None:
+        self._show([])
+
+    def tick(self, now_s: float) -> None:
+        pass
+
+    def close(self) -> None:
+        self._show([])
+        self.closed = True
+
+    def _show(self, places: list[tuple[float, float]]) -> None:
+        with self._told:
+            self.places = places
+            self.most = max(self.most, len(places))
+            self.frames += 1
+            self._told.notify_all()
+
+    def wait_until(self, seen: Callable[["ListeningSink"], bool]) -> None:
+        with self._told:
+            assert self._told.wait_for(lambda: seen(self), PATIENCE_S), self.places
+
+    def wait_for_frames(self, count: int) -> None:
+        until = self.frames + count
+        self.wait_until(lambda sink: sink.frames >= until)
+
+
+def both_fingers(sink: ListeningSink) -> bool:
+    return len(sink.places) == 2 and all(
+        any(abs(x - f.x_mm) < 1.0 and abs(y - f.y_mm) < 1.0 for x, y in sink.places)
+        for f in FINGERS
+    )
+
+
+@pytest.fixture(scope="module")
+def rig() -> SimulatedRig:
+    return SimulatedRig((350.0, 400.0), seed=4)
+
+
+@pytest.fixture(scope="module")
+def calibration(rig: SimulatedRig) -> Calibration:
+    return calibrate_rig(rig, SETTINGS)
+
+
+Running = tuple[ListeningSink, dict[str, SimulatedCameraPort], Daemon]
+
+
+@pytest.fixture
+def running(rig: SimulatedRig, calibration: Calibration) -> Iterator[Running]:
+    clock = MonotonicClock()
+    held = tuple(TimedFinger(str(k), finger) for k, finger in enumerate(FINGERS))
+    ports = rig_ports(rig, lambda _: held, clock, SETTINGS.cameras.rate_hz)
+    sink = ListeningSink()
+    daemon = Daemon(ports, calibration, [sink], SETTINGS, clock)
+    daemon.start()
+    sink.wait_until(both_fingers)
+    yield sink, {port.id: port for port in ports}, daemon
+    daemon.stop()
+
+
+def test_the_end_lifts_all_touches(running: Running) -> None:
+    sink, _, daemon = running
+    daemon.stop()
+    assert sink.closed
+    assert sink.places == []
+
+
+@pytest.mark.parametrize("fault", [Fault.UNPLUGGED, Fault.STALLED, Fault.GARBLED])
+def test_three_cameras_carry_on_and_the_fourth_comes_back(
+    running: Running, fault: Fault, caplog: pytest.LogCaptureFixture
+) -> None:
+    sink, ports, daemon = running
+    with caplog.at_level(logging.WARNING):
+        ports["C2"].fault = fault
+        sink.wait_for_frames(60)
+        sink.wait_until(both_fingers)
+        ports["C2"].fault = Fault.NONE
+        frames = daemon.camera_counts()["C2"].frames
+        sink.wait_until(lambda _: daemon.camera_counts()["C2"].frames > frames + 5)
+        sink.wait_until(both_fingers)
+    assert "camera C2" in caplog.text
+    assert sink.most == 2
+
+
+def test_without_cameras_there_are_no_touches_until_they_return(running: Running) -> None:
+    sink, ports, _ = running
+    for port in ports.values():
+        port.fault = Fault.UNPLUGGED
+    sink.wait_until(lambda seen: seen.places == [])
+    for port in ports.values():
+        port.fault = Fault.NONE
+    sink.wait_until(both_fingers)
+    assert sink.most == 2
+
+
+def test_a_rig_that_was_not_calibrated_so_is_refused(calibration: Calibration) -> None:
+    other = SimulatedRig((350.0, 400.0), width_px=1280, height_px=720, seed=4)
+    clock = MonotonicClock()
+    ports = rig_ports(other, lambda _: (), clock, 40.0)
+    with pytest.raises(CalibrationError, match=r"C1: gives pictures of 1280x720"):
+        Daemon(ports, calibration, [], SETTINGS, clock)
