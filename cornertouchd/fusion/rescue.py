@@ -24,6 +24,8 @@ FEWEST_CAMERAS = 4
 # calibration error of 1 mm it makes twice as many ghosts as it finds contacts.
 FEWEST_EDGES = 4
 FEWEST_CAMERAS_WITH_EDGES = 2
+# Ten contacts in eight cameras; more are a broken strip, and every set of cameras takes its time.
+MOST_SHADOWS = 80
 # A large disc touches too many edges by chance.
 LARGEST_RADIUS_MM = 10.0
 # What a camera's body hides of the strip to either side of its pinhole, generously.
@@ -31,9 +33,12 @@ CAMERA_BODY_MM = 15.0
 
 
 def is_needed(rows: EdgeRows, unexplained: BoolArray) -> bool:
-    """Tell whether there are cameras and unexplained edges (by number) enough for a rescue."""
-    enough_edges = int(np.count_nonzero(unexplained)) >= FEWEST_EDGES
-    return enough_edges and len(rows.cameras) >= FEWEST_CAMERAS
+    """Tell whether a rescue has a chance: `unexplained` marks edges by their numbers."""
+    return (
+        int(np.count_nonzero(unexplained)) >= FEWEST_EDGES
+        and len(rows.cameras) >= FEWEST_CAMERAS
+        and len(rows.sigma_rad) <= MOST_SHADOWS
+    )
 
 
 def rescue_candidates(

@@ -18,6 +18,9 @@ SILENCE_S = 0.25
 """Touches are lifted when no frame set came for so long: 25 at the usual rate, and still before a
 person has moved on to the next gesture."""
 
+CAMERAS_TO_REFUSE_GHOSTS = 3
+"""Two cameras alone see four crossings where two fingers are; a third tells which are real."""
+
 
 @dataclass(frozen=True, slots=True)
 class FusionCounts:
@@ -113,10 +116,10 @@ class FusionThread:
         ]
         behind = self._fell_behind()
         for frame_set in frame_sets + self._pairing.due(now_s):
-            if behind and self._is_partial(frame_set):
-                self._skipped += 1  # what it lacks was dropped here, a whole one is on its way
-            else:
+            if self._is_believed(frame_set, behind):
                 self._fuse(frame_set)
+            else:
+                self._skipped += 1
         if self._last_set_s is not None and now_s - self._last_set_s > SILENCE_S:
             self._lift(now_s)
         for sink in self._sinks:
@@ -132,6 +135,7 @@ class FusionThread:
     def _fuse(self, frame_set: FrameSet) -> None:
         contacts = self._pipeline.cross(frame_set)
         touches = self._pipeline.follow(frame_set, contacts)
+        self._faults.recovered()
         now_s = self._clock.now_s()
         for sink in self._sinks:
             sink.send(TouchFrame(frame_set.captured_at_s, touches), now_s)
@@ -142,7 +146,6 @@ class FusionThread:
         self._touches_begun += len(ids - self._begun)
         self._begun = ids
         self._touches_now = len(ids)
-        self._faults.recovered()
 
     def _fell_behind(self) -> bool:
         """Tell whether the box dropped anything since the last step."""
@@ -151,6 +154,17 @@ class FusionThread:
 
     def _is_partial(self, frame_set: FrameSet) -> bool:
         return len(frame_set.observations) < len(self._cameras)
+
+    def _is_believed(self, frame_set: FrameSet, behind: bool) -> bool:
+        """Tell whether a frame set is worth fusing.
+
+        Not if it lacks what the box dropped: a whole one is on its way.  Not if so many live
+        cameras are late that shadows cross without a third view to refuse ghosts.
+        """
+        enough = min(CAMERAS_TO_REFUSE_GHOSTS, len(self._cameras))
+        if len(frame_set.observations) < enough:
+            return False
+        return not (behind and self._is_partial(frame_set))
 
     def _lift(self, now_s: float) -> None:
         """End all touches: what they stood on is gone."""

@@ -5,15 +5,15 @@ import threading
 from collections.abc import Callable, Iterator
 
 import pytest
-from cornertouchd.fusion.pairing import FrameSetPairing
 
 from cornertouchd.config import PairingSettings
+from cornertouchd.fusion.pairing import FrameSetPairing
 from cornertouchd.model import Contact, FrameSet, Observation, Touch, TouchFrame
 from cornertouchd.runtime.clock import MonotonicClock
-from cornertouchd.runtime.fusing import FusionThread
+from cornertouchd.runtime.fusing import FusionCounts, FusionThread
 from cornertouchd.runtime.latest import Latest
 
-CAMERAS = ("C1", "C2")
+CAMERAS = ("C1", "C2", "C3", "C4")
 PATIENCE_S = 20.0
 
 
@@ -83,8 +83,17 @@ class Bench:
         )
         self.thread.start()
 
+    def wait_for_counts(self, reached: Callable[[FusionCounts], bool]) -> None:
+        """Wait, from tick to tick, until the thread has counted so far."""
+        for _ in range(1000):
+            if reached(self.thread.counts()):
+                return
+            ticks = self.sink.ticks
+            self.sink.wait_until(lambda sink, ticks=ticks: sink.ticks > ticks)
+        raise AssertionError(self.thread.counts())
+
     def see(self, captured_at_s: float, cameras: tuple[str, ...] = CAMERAS) -> None:
-        """Put what the cameras saw at a time; wait until it was taken."""
+        """Put what the cameras saw at a time."""
         for camera in cameras:
             self.box.put(camera, Observation(camera, 0, captured_at_s, ()))
 
@@ -113,9 +122,17 @@ def test_sinks_tick_while_no_camera_sees_anything(bench: Bench) -> None:
 
 
 def test_a_missing_camera_delays_but_does_not_stop(bench: Bench) -> None:
-    bench.see(1.0, cameras=("C2",))
+    bench.see(1.0, cameras=("C1", "C2", "C4"))
     bench.sink.wait_until(lambda sink: len(sink.frames) == 1)
-    assert bench.thread.counts().partial == 1
+    bench.wait_for_counts(lambda counts: counts.partial == 1)
+
+
+def test_two_of_four_cameras_are_not_enough_to_refuse_ghosts(bench: Bench) -> None:
+    bench.see(1.0, cameras=("C1", "C3"))
+    bench.wait_for_counts(lambda counts: counts.skipped == 1)
+    bench.see(1.1)
+    bench.sink.wait_until(lambda sink: len(sink.frames) == 1)
+    assert bench.sink.frames[0].captured_at_s == 1.1
 
 
 def test_silence_lifts_all_touches(bench: Bench) -> None:
@@ -140,7 +157,7 @@ def test_a_stage_that_raises_lifts_and_the_thread_goes_on(
         bench.sink.wait_until(lambda sink: len(sink.frames) == 2)
     assert "a stage's bug" in caplog.text
     assert "works again" in caplog.text
-    assert bench.thread.counts().faults == 1
+    assert bench.thread.counts().faults >= 1
 
 
 def test_the_end_closes_the_sinks(bench: Bench) -> None:

@@ -34,14 +34,14 @@ def picture_with_shadow(left: int, right: int) -> np.ndarray:
 
 def test_mask_holds_the_strip_and_nothing_else() -> None:
     mask = strip_mask(flat_strip(slice(5, 70)), ROWS)
-    assert mask[3:8, 5:70].all()
-    assert mask.sum() == 5 * 65
+    assert mask[3:8, 7:68].all()
+    assert mask.sum() == 5 * 61  # two half-shaded columns at either end are left out
 
 
 def test_line_is_the_nearest_row_to_the_middle_of_the_mask() -> None:
     line = strip_line(strip_mask(flat_strip(slice(5, 70)), ROWS))
-    assert (line[5:70] == 5).all()
-    assert (line[:5] == -1).all()
+    assert (line[7:68] == 5).all()
+    assert (line[:7] == -1).all()
 
 
 def test_mean_is_that_of_nine_pixels_of_the_mask() -> None:
@@ -53,8 +53,8 @@ def test_mean_is_that_of_nine_pixels_of_the_mask() -> None:
 def test_mean_is_unknown_outside_the_mask() -> None:
     finder = PaperFinder(flat_strip(slice(5, 70)), ROWS, PaperVisionSettings())
     means = finder.mean_values(picture_with_shadow(30, 40))
-    assert np.isnan(means[:5]).all()
-    assert np.isfinite(means[5:70]).all()
+    assert np.isnan(means[:7]).all()
+    assert np.isfinite(means[7:68]).all()
 
 
 def test_gradient_is_positive_where_brightness_falls() -> None:

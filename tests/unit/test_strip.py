@@ -87,7 +87,7 @@ def test_the_camera_in_the_far_corner_is_not_strip() -> None:
     picture, _, _ = draw(30, 0, 0, 0.1, 0.8)
     strip = find_strip(picture)
     assert not strip.visible[CORNER - 2 : CORNER + 3].any()
-    assert strip.visible[CORNER - 12] and strip.visible[CORNER + 12]
+    assert strip.visible[[CORNER - 12, CORNER + 12]].all()
 
 
 def test_a_dark_led_elsewhere_is_still_strip() -> None:

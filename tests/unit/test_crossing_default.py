@@ -1,0 +1,415 @@
+"""Scenes are discs on a small surface, seen without noise unless a test says otherwise."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import linear_sum_assignment
+
+from cornertouchd.config import CrossingSettings
+from cornertouchd.fusion.crossing import Crossing, make_crossing
+from cornertouchd.fusion.edge_crossing import EdgeCrossing
+from cornertouchd.model import Bearings, Contact
+
+SURFACE_MM = (350.0, 400.0)
+CORNERS = {
+    "C1": (-10.0, -10.0, 45.0),
+    "C2": (360.0, -10.0, 135.0),
+    "C3": (360.0, 410.0, 225.0),
+    "C4": (-10.0, 410.0, 315.0),
+}
+SIDES = {
+    "C5": (175.0, -10.0, 90.0),
+    "C6": (175.0, 410.0, 270.0),
+    "C7": (-10.0, 200.0, 0.0),
+    "C8": (360.0, 200.0, 180.0),
+}
+HALF_VIEW_RAD = np.deg2rad(47.5)
+# A tenth of a pixel of 640 that share 95 degrees.
+SIGMA_RAD = 3e-4
+SMALLEST_GAP_RAD = 0.004
+
+Disc = tuple[float, float, float]
+
+
+def bearings_of(
+    discs: Sequence[Disc],
+    cameras: Sequence[str] = tuple(CORNERS),
+    rng: np.random.Generator | None = None,
+) -> list[Bearings]:
+    """Return what the cameras see of the discs (x, y, r): merged shadows, cut at the view."""
+    return [one_camera(discs, camera, rng) for camera in cameras]
+
+
+def one_camera(
+    discs: Sequence[Disc], camera: str, rng: np.random.Generator | None = None
+) -> Bearings:
+    x_mm, y_mm, forward_deg = (CORNERS | SIDES)[camera]
+    forward_rad = np.deg2rad(forward_deg)
+    half_view_rad = HALF_VIEW_RAD if camera in CORNERS else np.deg2rad(89.0)
+    merged: list[list[float]] = []
+    for first, last in sorted(_interval(disc, x_mm, y_mm, forward_rad) for disc in discs):
+        if merged and first - merged[-1][1] < SMALLEST_GAP_RAD:
+            merged[-1][1] = max(merged[-1][1], last)
+        else:
+            merged.append([first, last])
+    edges = np.array(merged).reshape(-1, 2)
+    valid = np.abs(edges) < half_view_rad
+    noise = 0.0 if rng is None else rng.normal(0.0, SIGMA_RAD, edges.shape)
+    edges = forward_rad + np.clip(edges + valid * noise, -half_view_rad, half_view_rad)
+    return Bearings(
+        camera=camera,
+        x_mm=x_mm,
+        y_mm=y_mm,
+        first_rad=edges[:, 0],
+        centre_rad=edges.mean(axis=1),
+        last_rad=edges[:, 1],
+        first_valid=valid[:, 0],
+        last_valid=valid[:, 1],
+        sigma_rad=np.full(len(edges), SIGMA_RAD),
+    )
+
+
+def _interval(disc: Disc, x_mm: float, y_mm: float, forward_rad: float) -> tuple[float, float]:
+    x, y, radius = disc
+    angle = np.arctan2(y - y_mm, x - x_mm) - forward_rad
+    angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
+    half = np.arcsin(min(1.0, radius / np.hypot(x - x_mm, y - y_mm)))
+    return float(angle - half), float(angle + half)
+
+
+def shadows(bearings: Bearings, kept: Sequence[int]) -> Bearings:
+    names = ("first_rad", "centre_rad", "last_rad", "first_valid", "last_valid", "sigma_rad")
+    return replace(bearings, **{name: getattr(bearings, name)[list(kept)] for name in names})
+
+
+def random_discs(count: int, rng: np.random.Generator, apart_mm: float = 20.0) -> list[Disc]:
+    discs: list[Disc] = []
+    while len(discs) < count:
+        x, y = rng.uniform((6.0, 6.0), (SURFACE_MM[0] - 6.0, SURFACE_MM[1] - 6.0))
+        if all(np.hypot(x - other[0], y - other[1]) > apart_mm for other in discs):
+            discs.append((float(x), float(y), float(rng.uniform(4.0, 8.0))))
+    return discs
+
+
+def crossing(**settings: float) -> Crossing:
+    return make_crossing(CrossingSettings.model_validate(settings), SURFACE_MM)
+
+
+def found(contacts: Sequence[Contact]) -> list[tuple[float, float]]:
+    return sorted((contact.x_mm, contact.y_mm) for contact in contacts)
+
+
+def assert_found(contacts: Sequence[Contact], discs: Sequence[Disc], within_mm: float) -> None:
+    assert len(contacts) == len(discs), (contacts, discs)
+    places = np.array([(contact.x_mm, contact.y_mm) for contact in contacts]).reshape(-1, 2)
+    expected = np.array(discs).reshape(-1, 3)[:, :2]
+    distances_mm = np.hypot(*np.moveaxis(places[:, None] - expected[None], -1, 0))
+    assert distances_mm[linear_sum_assignment(distances_mm)].max(initial=0.0) < within_mm
+
+
+def test_the_settings_choose_the_method() -> None:
+    assert isinstance(crossing(), EdgeCrossing)
+
+
+@given(st.floats(5.0, 345.0), st.floats(5.0, 395.0), st.floats(3.8, 9.0))
+def test_one_finger_is_found_where_it_is(x_mm: float, y_mm: float, radius_mm: float) -> None:
+    (contact,) = crossing().cross(bearings_of([(x_mm, y_mm, radius_mm)]))
+    assert (contact.x_mm, contact.y_mm) == pytest.approx((x_mm, y_mm), abs=0.02)
+    assert contact.diameter_mm == pytest.approx(2.0 * radius_mm, abs=0.05)
+    assert contact.confidence > 0.99
+    assert contact.touching
+    assert contact.kind == "finger"
+
+
+def test_the_position_of_one_finger_is_as_good_as_its_sigma_says() -> None:
+    rng = np.random.default_rng(3)
+    errors_in_sigmas = []
+    for disc in random_discs(60, rng, apart_mm=5.0):
+        (contact,) = crossing().cross(bearings_of([disc], rng=rng))
+        error_mm = np.hypot(contact.x_mm - disc[0], contact.y_mm - disc[1])
+        assert error_mm < 0.25
+        errors_in_sigmas.append(error_mm / contact.sigma_mm)
+    assert 0.3 < np.sqrt(np.mean(np.square(errors_in_sigmas))) < 2.0
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_a_few_fingers_are_all_found_and_nothing_else(count: int) -> None:
+    rng = np.random.default_rng(count)
+    for _ in range(25):
+        discs = random_discs(count, rng)
+        assert_found(crossing().cross(bearings_of(discs, rng=rng)), discs, within_mm=3.0)
+
+
+def test_ten_fingers_are_nearly_always_found() -> None:
+    rng = np.random.default_rng(10)
+    exact = 0
+    for _ in range(25):
+        discs = random_discs(10, rng)
+        contacts = crossing().cross(bearings_of(discs, rng=rng))
+        nearest = [
+            min((np.hypot(c.x_mm - x, c.y_mm - y) for c in contacts), default=99.0)
+            for x, y, _ in discs
+        ]
+        exact += len(contacts) == 10 and max(nearest) < 6.0
+    assert exact >= 22
+
+
+def test_fingers_behind_each_other_make_no_ghosts() -> None:
+    """The places F1..F4 of the paper's Fig. 2: each camera sees two merged pairs, or nearly so."""
+    corners = [(100.0, 120.0), (250.0, 120.0), (100.0, 280.0), (250.0, 280.0)]
+    for missing in range(4):
+        discs = [(x, y, 6.0) for n, (x, y) in enumerate(corners) if n != missing]
+        assert_found(crossing().cross(bearings_of(discs)), discs, within_mm=1.0)
+
+
+def test_merged_shadows_are_taken_apart() -> None:
+    pair = [(170.0, 200.0, 5.0), (190.0, 214.0, 5.0)]
+    bearings = bearings_of(pair)
+    assert min(len(camera.first_rad) for camera in bearings) == 1
+    assert_found(crossing().cross(bearings), pair, within_mm=0.5)
+
+
+@pytest.mark.parametrize("turned_deg", range(0, 180, 20))
+def test_two_fingers_side_by_side_are_not_taken_for_one_large_one(turned_deg: float) -> None:
+    dx, dy = 7.0 * np.cos(np.deg2rad(turned_deg)), 7.0 * np.sin(np.deg2rad(turned_deg))
+    for x, y in [(110.0, 130.0), (272.0, 267.0), (175.0, 330.0)]:
+        pair = [(x - dx, y - dy, 5.9), (x + dx, y + dy, 4.7)]
+        assert_found(crossing().cross(bearings_of(pair)), pair, within_mm=2.0)
+
+
+def test_a_contact_names_the_cameras_whose_shadows_it_casts() -> None:
+    hidden_from_c1 = (200.0, 200.0, 4.0)
+    before_it = (100.0, 100.0, 8.0)
+    contacts = crossing().cross(bearings_of([hidden_from_c1, before_it]))
+    cameras = {round(contact.x_mm): contact.cameras for contact in contacts}
+    assert cameras == {200: ("C2", "C3", "C4"), 100: ("C1", "C2", "C3", "C4")}
+
+
+@pytest.mark.parametrize(
+    "cameras", [("C1", "C2"), ("C1", "C2", "C3"), ("C4", "C2", "C1", "C3"), ("C5", "C7", "C3")]
+)
+def test_any_two_or_more_cameras_will_do(cameras: tuple[str, ...]) -> None:
+    disc = (120.0, 230.0, 6.0)
+    (contact,) = crossing().cross(bearings_of([disc], cameras))
+    assert (contact.x_mm, contact.y_mm) == pytest.approx(disc[:2], abs=0.05)
+    assert contact.cameras == cameras
+
+
+def test_eight_cameras_find_five_fingers() -> None:
+    discs = random_discs(5, np.random.default_rng(8))
+    assert_found(crossing().cross(bearings_of(discs, [*CORNERS, *SIDES])), discs, within_mm=0.2)
+
+
+def test_cameras_without_shadows_are_as_if_they_were_absent() -> None:
+    disc = (120.0, 230.0, 6.0)
+    seeing = bearings_of([disc], ("C1", "C2", "C4"))
+    blind = bearings_of([], ("C3",))
+    assert crossing().cross([*seeing, *blind]) == crossing().cross(seeing)
+
+
+def test_less_than_two_seeing_cameras_find_nothing() -> None:
+    assert crossing().cross([]) == ()
+    assert crossing().cross(bearings_of([])) == ()
+    assert crossing().cross(bearings_of([(120.0, 230.0, 6.0)], ("C2",))) == ()
+
+
+def test_a_contact_that_one_camera_misses_is_found_all_the_same() -> None:
+    discs = [(90.0, 150.0, 6.0), (240.0, 260.0, 6.0)]
+    for camera in range(4):
+        bearings = bearings_of(discs)
+        bearings[camera] = shadows(bearings[camera], [0])
+        assert_found(crossing().cross(bearings), discs, within_mm=0.3)
+
+
+def test_a_contact_between_two_cameras_that_hide_it_from_each_other_is_found() -> None:
+    on_the_diagonal = (230.0, 262.0, 3.8)
+    elsewhere = (60.0, 300.0, 6.0)
+    bearings = bearings_of([on_the_diagonal, elsewhere])
+    for camera in ("C1", "C3"):
+        bearings[list(CORNERS).index(camera)] = one_camera([elsewhere], camera)
+    contacts = crossing().cross(bearings)
+    assert_found(contacts, [on_the_diagonal, elsewhere], within_mm=0.5)
+
+
+def test_two_cameras_with_a_shadow_too_many_make_no_contact() -> None:
+    disc = (90.0, 150.0, 6.0)
+    bearings = bearings_of([disc], ("C1", "C2")) + bearings_of(
+        [disc, (300.0, 300.0, 6.0)], ("C3", "C4")
+    )
+    bearings[2] = one_camera([disc, (320.0, 60.0, 6.0)], "C3")
+    assert_found(crossing().cross(bearings), [disc], within_mm=0.1)
+
+
+def test_a_finger_at_a_camera_covers_its_view_and_is_found() -> None:
+    at_c1 = (2.0, 2.0, 13.0)
+    far = (250.0, 300.0, 6.0)
+    bearings = bearings_of([at_c1, far])
+    assert not (bearings[0].first_valid | bearings[0].last_valid).any()
+    assert_found(crossing().cross(bearings), [at_c1, far], within_mm=0.5)
+
+
+def test_an_edge_that_is_not_valid_makes_no_ghost() -> None:
+    """A finger that stands half before another camera: one edge of each shadow is unknown."""
+    discs = [(184.0, 200.5, 5.2), (300.0, 120.0, 6.0)]
+    bearings = []
+    for camera in CORNERS:
+        seen = one_camera(discs, camera)
+        last = seen.last_valid.copy()
+        last[np.argmin(np.abs(seen.centre_rad - np.deg2rad(CORNERS[camera][2])))] = False
+        bearings.append(replace(seen, last_valid=last))
+    assert_found(crossing().cross(bearings), discs, within_mm=1.0)
+
+
+def test_four_edges_that_leave_the_size_open_still_make_a_contact() -> None:
+    """In the middle of the surface opposite cameras may see only the same side of a finger."""
+    disc = (177.0, 202.0, 5.0)
+    valid = {"C1": (True, False), "C2": (True, False), "C3": (False, True), "C4": (False, True)}
+    bearings = [
+        replace(
+            one_camera([disc], camera),
+            first_valid=np.array([first]),
+            last_valid=np.array([last]),
+        )
+        for camera, (first, last) in valid.items()
+    ]
+    assert_found(crossing().cross(bearings), [disc], within_mm=2.0)
+
+
+def test_contacts_at_the_border_are_on_the_surface() -> None:
+    outside = (-1.0, 401.0, 6.0)
+    (contact,) = crossing().cross(bearings_of([outside]))
+    assert (contact.x_mm, contact.y_mm) == (0.0, 400.0)
+
+
+def test_something_beside_the_surface_is_no_contact() -> None:
+    assert crossing().cross(bearings_of([(-6.0, 200.0, 4.0)])) == ()
+
+
+def test_the_settings_bound_the_size_of_contacts() -> None:
+    pen, palm = (100.0, 250.0, 1.5), (200.0, 150.0, 30.0)
+    assert crossing().cross(bearings_of([pen])) == ()
+    (thin,) = crossing(smallest_radius_mm=1.2).cross(bearings_of([pen]))
+    assert (thin.x_mm, thin.y_mm) == pytest.approx(pen[:2], abs=0.1)
+    (wide,) = crossing().cross(bearings_of([palm]))
+    assert wide.diameter_mm == pytest.approx(60.0, abs=0.5)
+    assert all(
+        c.diameter_mm < 55.0 for c in crossing(largest_radius_mm=25.0).cross(bearings_of([palm]))
+    )
+
+
+def test_an_ellipse_is_found_at_its_centre() -> None:
+    """Rays of a camera far away touch an ellipse of half axes 7 and 5 where its support says."""
+    centre, half_axes, turned_rad = np.array([140.0, 220.0]), (7.0, 5.0), 0.6
+    bearings = []
+    for camera, (x_mm, y_mm, _) in CORNERS.items():
+        edges = _tangents_of_ellipse(centre - (x_mm, y_mm), half_axes, turned_rad)
+        seen = one_camera([(140.0, 220.0, 6.0)], camera)
+        wrapped = seen.centre_rad + (edges - seen.centre_rad + np.pi) % (2 * np.pi) - np.pi
+        bearings.append(replace(seen, first_rad=wrapped[:1], last_rad=wrapped[1:]))
+    (contact,) = crossing().cross(bearings)
+    assert (contact.x_mm, contact.y_mm) == pytest.approx(tuple(centre), abs=0.1)
+    assert contact.diameter_mm == pytest.approx(12.0, abs=0.4)
+
+
+def _tangents_of_ellipse(
+    centre: np.ndarray, half_axes: tuple[float, float], turned_rad: float
+) -> np.ndarray:
+    around = np.linspace(0.0, 2.0 * np.pi, 20_001)
+    outline = np.stack([half_axes[0] * np.cos(around), half_axes[1] * np.sin(around)])
+    c, s = np.cos(turned_rad), np.sin(turned_rad)
+    x, y = np.array([[c, -s], [s, c]]) @ outline + centre[:, None]
+    middle = np.arctan2(centre[1], centre[0])
+    angles = middle + (np.arctan2(y, x) - middle + np.pi) % (2.0 * np.pi) - np.pi
+    return np.array([angles.min(), angles.max()])
+
+
+def test_angles_may_be_counted_from_any_turn() -> None:
+    discs = random_discs(4, np.random.default_rng(4))
+    bearings = bearings_of(discs)
+    turned = [
+        replace(
+            camera,
+            first_rad=camera.first_rad + turns * 2.0 * np.pi,
+            centre_rad=camera.centre_rad + turns * 2.0 * np.pi,
+            last_rad=camera.last_rad + turns * 2.0 * np.pi,
+        )
+        for camera, turns in zip(bearings, (1, -1, -2, 0), strict=True)
+    ]
+    assert np.allclose(found(crossing().cross(turned)), found(crossing().cross(bearings)))
+
+
+def test_the_order_of_the_cameras_changes_only_their_order_in_a_contact() -> None:
+    discs = random_discs(5, np.random.default_rng(5))
+    bearings = bearings_of(discs)
+    assert np.allclose(
+        found(crossing().cross(bearings)), found(crossing().cross(bearings[::-1])), atol=1e-6
+    )
+
+
+def test_the_same_bearings_give_the_same_contacts_bit_for_bit() -> None:
+    bearings = bearings_of(random_discs(8, np.random.default_rng(6)))
+    one = crossing()
+    assert one.cross(bearings) == one.cross(bearings) == crossing().cross(bearings)
+
+
+def test_a_doubtful_contact_has_less_confidence_than_a_clear_one() -> None:
+    """Two cameras and two fingers: the crossings of the other pairing fit almost as well."""
+    discs = [(120.0, 180.0, 6.0), (230.0, 182.0, 6.0)]
+    doubtful = crossing().cross(bearings_of(discs, ("C1", "C2")))
+    clear = crossing().cross(bearings_of(discs))
+    assert max(c.confidence for c in doubtful) < min(c.confidence for c in clear)
+
+
+@st.composite
+def any_bearings(draw: st.DrawFn) -> list[Bearings]:
+    """Shadows that no discs cast, some of them no intervals at all."""
+    angle = st.one_of(st.floats(-4.0, 8.0), st.sampled_from([np.nan, np.inf, 0.0]))
+    result = []
+    for camera in draw(st.lists(st.sampled_from([*CORNERS, *SIDES]), max_size=5, unique=True)):
+        x_mm, y_mm, _ = (CORNERS | SIDES)[camera]
+        count = draw(st.integers(0, 6))
+        edges = np.array([[draw(angle), draw(angle)] for _ in range(count)]).reshape(-1, 2)
+        flags = st.lists(st.booleans(), min_size=count, max_size=count).map(
+            lambda drawn: np.array(drawn, dtype=np.bool_)
+        )
+        result.append(
+            Bearings(
+                camera=camera,
+                x_mm=x_mm,
+                y_mm=y_mm,
+                first_rad=edges[:, 0],
+                centre_rad=edges[:, 0],
+                last_rad=edges[:, 1],
+                first_valid=draw(flags),
+                last_valid=draw(flags),
+                sigma_rad=np.full(count, draw(st.sampled_from([1e-6, 3e-4, 0.1, 0.0, np.nan]))),
+            )
+        )
+    return result
+
+
+@given(any_bearings())
+def test_whatever_the_cameras_report_gives_sound_contacts(bearings: list[Bearings]) -> None:
+    for contact in crossing().cross(bearings):
+        assert 0.0 <= contact.x_mm <= SURFACE_MM[0]
+        assert 0.0 <= contact.y_mm <= SURFACE_MM[1]
+        assert 0.0 <= contact.confidence <= 1.0
+        assert 0.0 < contact.diameter_mm < 200.0
+        assert 0.0 < contact.sigma_mm < 100.0
+        assert set(contact.cameras) <= {camera.camera for camera in bearings}
+
+
+def test_a_broken_strip_is_survived() -> None:
+    rng = np.random.default_rng(1)
+    bearings = []
+    for camera in CORNERS:
+        edges = np.sort(rng.uniform(-0.8, 0.8, 200)).reshape(-1, 2) + np.deg2rad(CORNERS[camera][2])
+        seen = one_camera([(100.0, 100.0, 5.0)], camera)
+        many = shadows(seen, [0] * 100)
+        bearings.append(replace(many, first_rad=edges[:, 0], last_rad=edges[:, 1]))
+    for contact in crossing().cross(bearings):
+        assert 0.0 <= contact.x_mm <= SURFACE_MM[0]
