@@ -18,8 +18,8 @@ from cornertouchd.fusion.selection import cheapest_explanation, costs_of
 from cornertouchd.model import Bearings, BoolArray, Contact, FloatArray
 
 # Fitted to 10 000 contacts in crowded scenes (15 on 350x400, hands, three cameras): of those with
-# margins about 0, 1, 3, 5, 7 and 10, the shares .55, .73, .78, .92, .97 and .99 were real.
-MARGIN_SCALE = 4.4
+# margins about 0, 1, 3, 5, 7 and 10, the shares .59, .86, .84, .94, .99 and .99 were real.
+MARGIN_SCALE = 3.6
 
 
 @dataclass(frozen=True, slots=True)

@@ -111,6 +111,7 @@ def _usable(camera: Bearings, most: int) -> Bearings:
         np.isfinite(camera.first_rad)
         & np.isfinite(camera.last_rad)
         & (camera.first_rad < camera.last_rad)
+        & (camera.last_rad < camera.first_rad + 2.0 * np.pi)
         & (camera.sigma_rad > 0.0)
     )
     widths = camera.last_rad[sound] - camera.first_rad[sound]

@@ -10,7 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cornertouchd.fusion.candidates import SIZE_SIGMA_MM, Candidates, size_excess_mm
+from cornertouchd.fusion.candidates import (
+    COST_OF_AN_EDGE,
+    SIZE_SIGMA_MM,
+    Candidates,
+    edge_costs,
+    size_excess_mm,
+)
 from cornertouchd.fusion.edge_rows import EdgeRows, IntArray
 from cornertouchd.geometry import angles_and_distances, half_angles_of_discs
 from cornertouchd.model import BoolArray, FloatArray
@@ -18,7 +24,6 @@ from cornertouchd.model import BoolArray, FloatArray
 # Found by Monte-Carlo over 1..20 contacts on both sizes of frame; changing any of them by half
 # moves F1 by less than 1 %.
 COST_OF_A_DISC = 5.0
-COST_OF_AN_EDGE = 4.0
 COST_OF_A_DARK_PIECE = 0.7
 LARGEST_COST_OF_SIZE = 3.0
 # Minus the logarithm of 1 in 400: how often a camera misses a shadow.  3 and 9 do as well.
@@ -28,11 +33,15 @@ PIECE_PX = 1.5
 PIECE_TOLERANCE_PX = 0.75
 # Fingers are squeezed flat where they touch each other.
 SMALLEST_SHARE_OF_RADII = 0.85
-# Each round strictly lowers the cost; more than three have not been seen.
+# Candidates as near as this are fits of one contact to different edges.
+SAME_CONTACT_MM = 2.5
+# Each round lowers the cost; ten contacts take one or two, twenty have taken twelve.
 MOST_ROUNDS = 20
-# A disc with one edge of its own costs more than the edge does; a frame set of ten contacts has
-# seldom more than five with two.
-FEWEST_EDGES_TO_PUT_IN = 2
+# A disc whose loss costs less may be a ghost that covers for another: then all candidates are
+# tried in turn, and also when one of them explains this much better than the chosen ones.
+SURE_MARGIN = 5.0
+LEAST_PROMISE = 4.0
+# Ten contacts have about 22 candidates.
 MOST_PUT_IN = 32
 # Less is rounding: two ways to add up the same cost.
 SMALLEST_SAVING = 1e-6
@@ -46,7 +55,8 @@ class Costs:
 
     `own` (K,) is the price of the disc.  Row k of `edges` (K, M) names the edges of its cell and
     row k of `edge_costs` (K, M) what they cost with it.  `covers` (K, B) marks the pieces of shadow
-    that it darkens, `conflicts` (K, K) the discs that cannot be there as well.
+    that it darkens, `conflicts` (K, K) the discs that cannot be there as well, and `same` (K, K)
+    those that are the same contact.
     """
 
     own: FloatArray
@@ -54,6 +64,7 @@ class Costs:
     edge_costs: FloatArray
     covers: BoolArray
     conflicts: BoolArray
+    same: BoolArray
     edge_count: int
 
 
@@ -76,15 +87,14 @@ def costs_of(candidates: Candidates, rows: EdgeRows, edge_sigma_px: float) -> Co
     size = 0.5 * (size_excess_mm(discs[:, 2]) / SIZE_SIGMA_MM) ** 2
     own = COST_OF_A_DISC + np.minimum(size, LARGEST_COST_OF_SIZE)
     own += COST_OF_A_MISSED_SHADOW * candidates.missed
-    edge_costs = np.where(
-        candidates.tangent, np.minimum(0.5 * candidates.z**2, COST_OF_AN_EDGE), COST_OF_AN_EDGE
-    )
+    apart_mm = np.hypot(*np.moveaxis(discs[:, None, :2] - discs[None, :, :2], -1, 0))
     return Costs(
         own=own,
         edges=candidates.rows.edges,
-        edge_costs=edge_costs,
+        edge_costs=edge_costs(candidates),
         covers=_pieces_covered(discs, rows, edge_sigma_px),
-        conflicts=_overlapping(discs),
+        conflicts=apart_mm < SMALLEST_SHARE_OF_RADII * (discs[:, None, 2] + discs[None, :, 2]),
+        same=apart_mm < SAME_CONTACT_MM,
         edge_count=rows.edge_count,
     )
 
@@ -92,19 +102,21 @@ def costs_of(candidates: Candidates, rows: EdgeRows, edge_sigma_px: float) -> Co
 def cheapest_explanation(costs: Costs) -> Explanation:
     """Return the cheapest set of candidates found.
 
-    Greedy; then, while it helps, one disc is left out, or another is put in the place of those that
-    it conflicts with, and the set is filled up again.
+    Greedy; then, while it helps, one disc is left out, or another one put in, and the set filled up
+    again.
     """
     best = _filled_up(costs, ())
     without_one = _each_left_out(costs, best)
     for _ in range(MOST_ROUNDS):
-        cheapest = _cheapest_of([*without_one, *_each_put_in(costs, best)], best)
+        cheapest = _cheapest_of(best, without_one)
+        if cheapest is best:
+            cheapest = _cheapest_of(best, _each_put_in(costs, best, without_one))
         if cheapest is best:
             break
         best, without_one = cheapest, _each_left_out(costs, cheapest)
     return Explanation(
         chosen=np.array(best.chosen, dtype=np.intp),
-        margins=np.array([max(other.cost - best.cost, 0.0) for other in without_one]),
+        margins=_margins(best, without_one),
         unexplained=best.edge_costs >= COST_OF_AN_EDGE,
     )
 
@@ -118,10 +130,14 @@ class _DiscSet:
     cost: float
 
 
-def _cheapest_of(others: list[_DiscSet], best: _DiscSet) -> _DiscSet:
+def _cheapest_of(best: _DiscSet, others: list[_DiscSet]) -> _DiscSet:
     """Return the cheapest of the others if it saves anything, else the best."""
     cheapest = min(others, key=lambda other: other.cost, default=best)
     return cheapest if cheapest.cost < best.cost - SMALLEST_SAVING else best
+
+
+def _margins(best: _DiscSet, without_one: list[_DiscSet]) -> FloatArray:
+    return np.array([max(other.cost - best.cost, 0.0) for other in without_one])
 
 
 def _each_left_out(costs: Costs, discs: _DiscSet) -> list[_DiscSet]:
@@ -133,35 +149,34 @@ def _each_left_out(costs: Costs, discs: _DiscSet) -> list[_DiscSet]:
     ]
 
 
-def _each_put_in(costs: Costs, discs: _DiscSet) -> list[_DiscSet]:
-    """Return for each disc that would explain unexplained edges the set that it forces.
+def _each_put_in(costs: Costs, best: _DiscSet, without_one: list[_DiscSet]) -> list[_DiscSet]:
+    """Return for each of the other discs the set that it makes with those that are sure.
 
-    Two fingers side by side need this: a large disc over both is chosen first and stands in the way
-    of each.
+    Two fingers side by side need this: a large disc over both is chosen first, stands in the way of
+    each, and what it leaves unexplained may even be covered by ghosts.
     """
-    unexplained = discs.edge_costs >= COST_OF_AN_EDGE
-    explains = (costs.edge_costs < COST_OF_AN_EDGE) & unexplained[costs.edges]
-    promise = np.count_nonzero(explains, axis=1)
-    promising = np.argsort(-promise, kind="stable")[:MOST_PUT_IN]
+    sure = np.array(best.chosen, dtype=np.intp)[_margins(best, without_one) >= SURE_MARGIN]
+    promise = _saved_by_edges(costs, best.edge_costs)
+    if len(sure) == len(best.chosen) and promise.max(initial=0.0) < LEAST_PROMISE:
+        return []
+    promising = np.argsort(-promise, kind="stable")[:MOST_PUT_IN].tolist()
     return [
-        _filled_up(
-            costs, (disc, *(other for other in discs.chosen if not costs.conflicts[disc, other]))
-        )
-        for disc in promising[promise[promising] >= FEWEST_EDGES_TO_PUT_IN].tolist()
+        _filled_up(costs, (disc, *sure[~costs.conflicts[disc, sure]].tolist()))
+        for disc in promising
+        if disc not in best.chosen
     ]
 
 
 def _filled_up(costs: Costs, chosen: tuple[int, ...], banned: int | None = None) -> _DiscSet:
-    """Add to the chosen discs the one that saves most, again and again, but not the banned one."""
+    """Add the disc that saves most, while any saves something, but not the banned contact."""
     all_chosen = list(chosen)
     edge_costs = np.full(costs.edge_count, COST_OF_AN_EDGE)
     for disc in all_chosen:
         _explain_edges(edge_costs, costs, disc)
     dark: BoolArray = ~np.any(costs.covers[all_chosen], axis=0)
     free: BoolArray = ~np.any(costs.conflicts[all_chosen], axis=0)
-    free[all_chosen] = False
     if banned is not None:
-        free[banned] = False
+        free &= ~costs.same[banned]
     while np.any(free):
         savings = np.where(free, _savings(costs, edge_costs, dark), -np.inf)
         disc = int(np.argmax(savings))
@@ -171,7 +186,6 @@ def _filled_up(costs: Costs, chosen: tuple[int, ...], banned: int | None = None)
         _explain_edges(edge_costs, costs, disc)
         dark &= ~costs.covers[disc]
         free &= ~costs.conflicts[disc]
-        free[disc] = False
     own = costs.own[all_chosen].sum()
     cost = own + edge_costs.sum() + COST_OF_A_DARK_PIECE * np.count_nonzero(dark)
     return _DiscSet(tuple(all_chosen), edge_costs, float(cost))
@@ -185,18 +199,14 @@ def _explain_edges(edge_costs: FloatArray, costs: Costs, disc: int) -> None:
 
 def _savings(costs: Costs, edge_costs: FloatArray, dark: BoolArray) -> FloatArray:
     """Return by how much each disc would lower the cost, (K,)."""
-    by_edges = np.maximum(edge_costs[costs.edges] - costs.edge_costs, 0.0).sum(axis=1)
-    by_pieces = np.count_nonzero(costs.covers & dark, axis=1)
-    savings: FloatArray = by_edges + COST_OF_A_DARK_PIECE * by_pieces - costs.own
+    by_pieces = COST_OF_A_DARK_PIECE * np.count_nonzero(costs.covers & dark, axis=1)
+    savings: FloatArray = _saved_by_edges(costs, edge_costs) + by_pieces - costs.own
     return savings
 
 
-def _overlapping(discs: FloatArray) -> BoolArray:
-    apart = discs[:, None, :2] - discs[None, :, :2]
-    reach = SMALLEST_SHARE_OF_RADII * (discs[:, None, 2] + discs[None, :, 2])
-    overlapping: BoolArray = np.sum(apart**2, axis=2) < reach**2
-    np.fill_diagonal(overlapping, False)
-    return overlapping
+def _saved_by_edges(costs: Costs, edge_costs: FloatArray) -> FloatArray:
+    saved: FloatArray = np.maximum(edge_costs[costs.edges] - costs.edge_costs, 0.0).sum(axis=1)
+    return saved
 
 
 def _pieces_covered(discs: FloatArray, rows: EdgeRows, edge_sigma_px: float) -> BoolArray:

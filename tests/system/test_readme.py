@@ -46,9 +46,8 @@ def demo(clone: Path) -> Iterator[subprocess.Popen[str]]:
             break
         assert time.monotonic() < deadline
     yield process
-    if process.poll() is None:
-        process.kill()
-    process.wait()
+    process.kill()
+    process.communicate()
 
 
 @pytest.mark.timeout(INSTALL_S)
