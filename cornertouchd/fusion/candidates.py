@@ -42,7 +42,7 @@ class Candidates:
     """K discs (K, 3) as x, y, r, with the rows of their cells.
 
     `tangent` (K, 2 C) marks the rows that a disc touches and `z` (K, 2 C) holds the slack in
-    sigmas; `position_sigma_mm` is (K,).  `missed` (K,) marks discs that one camera does not show.
+    sigmas; `position_sigma_mm` is (K,).  `missed` (K,) marks discs that not all cameras show.
     """
 
     discs: FloatArray

@@ -19,6 +19,8 @@ from cornertouchd.model import BoolArray, FloatArray
 GATE_SIGMAS = 3.0
 # A finger at the very frame: shape and calibration may put its centre beside the surface.
 SURFACE_MARGIN_MM = 2.0
+# Nothing that touches is rounder; and a disc at a camera's pinhole has no other sigma.
+ROUNDEST_SIGMA_MM = 0.02
 # Edges closer to parallel than this (1.1 degrees) cross too far from where they touch.
 SMALLEST_SINE = 0.02
 # Ten contacts make about 16 cells, twenty about 65.  The rest of the work grows with the number of
@@ -50,7 +52,7 @@ def disc_limits(settings: CrossingSettings, surface_mm: tuple[float, float]) -> 
         surface_mm=surface_mm,
         smallest_radius_mm=settings.smallest_radius_mm,
         largest_radius_mm=settings.largest_radius_mm,
-        shape_sigma_mm=settings.shape_sigma_mm,
+        shape_sigma_mm=max(settings.shape_sigma_mm, ROUNDEST_SIGMA_MM),
     )
 
 

@@ -53,6 +53,16 @@ class _OpenSet:
         return self.ends_at_s - self.begins_at_s
 
 
+def frame_set_of(observations: Iterable[Observation]) -> FrameSet:
+    """Return the frame set of observations that belong together, at least one.
+
+    Its time is their lower median: in the middle, and a time that was really measured.
+    """
+    together = tuple(observations)
+    times = sorted(one.captured_at_s for one in together)
+    return FrameSet(times[(len(times) - 1) // 2], together)
+
+
 class FrameSetPairing:
     """Pairs observations; each is given out in one set, or counted as dropped.
 
@@ -214,15 +224,10 @@ class FrameSetPairing:
         return [self._frame_set(waiting) for waiting in closed]
 
     def _frame_set(self, waiting: _OpenSet) -> FrameSet:
-        times = sorted(one.captured_at_s for one in waiting.observations.values())
-        return FrameSet(
-            # the lower median: in the middle, and a time that was really measured
-            captured_at_s=times[(len(times) - 1) // 2],
-            observations=tuple(
-                waiting.observations[camera]
-                for camera in self._cameras
-                if camera in waiting.observations
-            ),
+        return frame_set_of(
+            waiting.observations[camera]
+            for camera in self._cameras
+            if camera in waiting.observations
         )
 
     def _count(self, **more: int) -> None:

@@ -35,14 +35,14 @@ PIECE_TOLERANCE_PX = 0.75
 SMALLEST_SHARE_OF_RADII = 0.85
 # Candidates as near as this are fits of one contact to different edges.
 SAME_CONTACT_MM = 2.5
-# Each round lowers the cost; ten contacts take one or two, twenty have taken twelve.
-MOST_ROUNDS = 20
-# A disc whose loss costs less may be a ghost that covers for another: then all candidates are
-# tried in turn, and also when one of them explains this much better than the chosen ones.
+# Each round lowers the cost; ten contacts take one or two, twenty seldom more than eight.
+MOST_ROUNDS = 10
+# A disc whose loss costs less may be a ghost that covers for another: then other candidates are
+# tried in its place, as they are when one of them explains this much better than the chosen ones.
 SURE_MARGIN = 5.0
 LEAST_PROMISE = 4.0
-# Ten contacts have about 22 candidates.
-MOST_PUT_IN = 32
+# Ten contacts have about 12 candidates beside themselves; trying twice as many finds no more.
+MOST_PUT_IN = 16
 # Less is rounding: two ways to add up the same cost.
 SMALLEST_SAVING = 1e-6
 # A shadow as wide as a picture has about 430 pieces.

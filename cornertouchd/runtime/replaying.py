@@ -7,6 +7,7 @@ from cornertouchd.calibration.calibration import Calibration
 from cornertouchd.calibration.observing import mean_pictures
 from cornertouchd.config import Settings
 from cornertouchd.devices.recording import Recording, RecordingError
+from cornertouchd.fusion.pairing import frame_set_of
 from cornertouchd.model import Contact, FloatArray, Frame, FrameSet, Touch
 from cornertouchd.pipeline import CameraPipeline, SurfacePipeline
 
@@ -68,8 +69,7 @@ class Replay:
             yield ReplayedSet(index, frame_set.captured_at_s, contacts, touches)
 
     def _observe(self, frames: Sequence[Frame]) -> FrameSet:
-        seen = [self._cameras[frame.camera].observe(frame) for frame in frames]
-        return FrameSet(max(one.captured_at_s for one in seen), tuple(seen))
+        return frame_set_of(self._cameras[frame.camera].observe(frame) for frame in frames)
 
     def _backgrounds_by_set(self, runs: Runs) -> dict[int, Mapping[str, FloatArray]]:
         """Return the mean empty pictures of every run, by the frame set where it begins."""

@@ -103,12 +103,17 @@ def found(contacts: Sequence[Contact]) -> list[tuple[float, float]]:
     return sorted((contact.x_mm, contact.y_mm) for contact in contacts)
 
 
-def assert_found(contacts: Sequence[Contact], discs: Sequence[Disc], within_mm: float) -> None:
+def assert_found(
+    contacts: Sequence[Contact], discs: Sequence[Disc], within_mm: float
+) -> list[float]:
+    """Return how far each contact is from its disc."""
     assert len(contacts) == len(discs), (contacts, discs)
     places = np.array([(contact.x_mm, contact.y_mm) for contact in contacts]).reshape(-1, 2)
     expected = np.array(discs).reshape(-1, 3)[:, :2]
     distances_mm = np.hypot(*np.moveaxis(places[:, None] - expected[None], -1, 0))
-    assert distances_mm[linear_sum_assignment(distances_mm)].max(initial=0.0) < within_mm
+    errors_mm = distances_mm[linear_sum_assignment(distances_mm)]
+    assert errors_mm.max(initial=0.0) < within_mm
+    return [float(error_mm) for error_mm in errors_mm]
 
 
 def test_the_settings_choose_the_method() -> None:
@@ -139,9 +144,12 @@ def test_the_position_of_one_finger_is_as_good_as_its_sigma_says() -> None:
 @pytest.mark.parametrize("count", [2, 3, 5])
 def test_a_few_fingers_are_all_found_and_nothing_else(count: int) -> None:
     rng = np.random.default_rng(count)
+    errors_mm: list[float] = []
     for _ in range(25):
         discs = random_discs(count, rng)
-        assert_found(crossing().cross(bearings_of(discs, rng=rng)), discs, within_mm=3.0)
+        contacts = crossing().cross(bearings_of(discs, rng=rng))
+        errors_mm += assert_found(contacts, discs, within_mm=3.0)
+    assert np.sqrt(np.mean(np.square(errors_mm))) < 0.2
 
 
 def test_ten_fingers_are_nearly_always_found() -> None:
@@ -179,6 +187,19 @@ def test_two_fingers_side_by_side_are_not_taken_for_one_large_one(turned_deg: fl
     for x, y in [(110.0, 130.0), (272.0, 267.0), (175.0, 330.0)]:
         pair = [(x - dx, y - dy, 5.9), (x + dx, y + dy, 4.7)]
         assert_found(crossing().cross(bearings_of(pair)), pair, within_mm=2.0)
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [
+        [(201.9, 232.0, 5.2), (190.1, 233.4, 5.9)],
+        [(138.6, 167.6, 5.0), (137.0, 179.5, 4.0)],
+        [(189.6, 229.9, 5.4), (185.2, 242.0, 6.5)],
+        [(213.7, 60.6, 5.7), (204.7, 68.6, 5.0)],
+    ],
+)
+def test_a_large_disc_that_covers_more_does_not_stand_in_the_way_of_two(pair: list[Disc]) -> None:
+    assert_found(crossing().cross(bearings_of(pair)), pair, within_mm=2.0)
 
 
 def test_a_contact_names_the_cameras_whose_shadows_it_casts() -> None:
@@ -235,33 +256,39 @@ def test_a_contact_between_two_cameras_that_hide_it_from_each_other_is_found() -
     assert_found(contacts, [on_the_diagonal, elsewhere], within_mm=0.5)
 
 
-def test_two_cameras_with_a_shadow_too_many_make_no_contact() -> None:
-    disc = (90.0, 150.0, 6.0)
-    bearings = bearings_of([disc], ("C1", "C2")) + bearings_of(
-        [disc, (300.0, 300.0, 6.0)], ("C3", "C4")
-    )
-    bearings[2] = one_camera([disc, (320.0, 60.0, 6.0)], "C3")
-    assert_found(crossing().cross(bearings), [disc], within_mm=0.1)
+def test_what_two_cameras_show_and_two_others_do_not_is_no_contact() -> None:
+    finger, phantom = (90.0, 150.0, 6.0), (300.0, 300.0, 6.0)
+    bearings = [*bearings_of([finger], ("C1", "C2")), *bearings_of([finger, phantom], ("C3", "C4"))]
+    assert_found(crossing().cross(bearings), [finger], within_mm=0.1)
 
 
 def test_a_finger_at_a_camera_covers_its_view_and_is_found() -> None:
-    at_c1 = (2.0, 2.0, 13.0)
+    at_c1 = (1.0, 1.0, 14.0)
     far = (250.0, 300.0, 6.0)
     bearings = bearings_of([at_c1, far])
     assert not (bearings[0].first_valid | bearings[0].last_valid).any()
     assert_found(crossing().cross(bearings), [at_c1, far], within_mm=0.5)
 
 
-def test_an_edge_that_is_not_valid_makes_no_ghost() -> None:
-    """A finger that stands half before another camera: one edge of each shadow is unknown."""
-    discs = [(184.0, 200.5, 5.2), (300.0, 120.0, 6.0)]
+def test_a_finger_reaches_beyond_an_edge_that_is_not_valid() -> None:
+    """Columns are unknown from the middle of the finger on, where another camera stands."""
+    discs = [(184.0, 206.0, 6.0), (300.0, 120.0, 6.0)]
     bearings = []
     for camera in CORNERS:
         seen = one_camera(discs, camera)
-        last = seen.last_valid.copy()
-        last[np.argmin(np.abs(seen.centre_rad - np.deg2rad(CORNERS[camera][2])))] = False
-        bearings.append(replace(seen, last_valid=last))
+        cut = int(np.argmin(np.abs(seen.centre_rad - one_camera(discs[:1], camera).centre_rad)))
+        last_rad, last_valid = seen.last_rad.copy(), seen.last_valid.copy()
+        last_rad[cut], last_valid[cut] = seen.centre_rad[cut], False
+        bearings.append(replace(seen, last_rad=last_rad, last_valid=last_valid))
     assert_found(crossing().cross(bearings), discs, within_mm=1.0)
+
+
+def test_beyond_an_edge_that_is_not_valid_the_light_still_refuses_ghosts() -> None:
+    finger, ghost = (120.0, 150.0, 6.0), (200.0, 320.0, 6.0)
+    bearings = [one_camera([finger], "C1"), *bearings_of([finger, ghost], ("C2", "C3"))]
+    assert bearings[0].last_rad[0] < one_camera([ghost], "C1").first_rad[0]
+    bearings[0] = replace(bearings[0], last_valid=np.array([False]))
+    assert_found(crossing().cross(bearings), [finger], within_mm=0.3)
 
 
 def test_four_edges_that_leave_the_size_open_still_make_a_contact() -> None:
@@ -362,54 +389,3 @@ def test_a_doubtful_contact_has_less_confidence_than_a_clear_one() -> None:
     doubtful = crossing().cross(bearings_of(discs, ("C1", "C2")))
     clear = crossing().cross(bearings_of(discs))
     assert max(c.confidence for c in doubtful) < min(c.confidence for c in clear)
-
-
-@st.composite
-def any_bearings(draw: st.DrawFn) -> list[Bearings]:
-    """Shadows that no discs cast, some of them no intervals at all."""
-    angle = st.one_of(st.floats(-4.0, 8.0), st.sampled_from([np.nan, np.inf, 0.0]))
-    result = []
-    for camera in draw(st.lists(st.sampled_from([*CORNERS, *SIDES]), max_size=5, unique=True)):
-        x_mm, y_mm, _ = (CORNERS | SIDES)[camera]
-        count = draw(st.integers(0, 6))
-        edges = np.array([[draw(angle), draw(angle)] for _ in range(count)]).reshape(-1, 2)
-        flags = st.lists(st.booleans(), min_size=count, max_size=count).map(
-            lambda drawn: np.array(drawn, dtype=np.bool_)
-        )
-        result.append(
-            Bearings(
-                camera=camera,
-                x_mm=x_mm,
-                y_mm=y_mm,
-                first_rad=edges[:, 0],
-                centre_rad=edges[:, 0],
-                last_rad=edges[:, 1],
-                first_valid=draw(flags),
-                last_valid=draw(flags),
-                sigma_rad=np.full(count, draw(st.sampled_from([1e-6, 3e-4, 0.1, 0.0, np.nan]))),
-            )
-        )
-    return result
-
-
-@given(any_bearings())
-def test_whatever_the_cameras_report_gives_sound_contacts(bearings: list[Bearings]) -> None:
-    for contact in crossing().cross(bearings):
-        assert 0.0 <= contact.x_mm <= SURFACE_MM[0]
-        assert 0.0 <= contact.y_mm <= SURFACE_MM[1]
-        assert 0.0 <= contact.confidence <= 1.0
-        assert 0.0 < contact.diameter_mm < 200.0
-        assert 0.0 < contact.sigma_mm < 100.0
-        assert set(contact.cameras) <= {camera.camera for camera in bearings}
-
-
-def test_a_broken_strip_is_survived() -> None:
-    rng = np.random.default_rng(1)
-    bearings = []
-    for camera in CORNERS:
-        edges = np.sort(rng.uniform(-0.8, 0.8, 200)).reshape(-1, 2) + np.deg2rad(CORNERS[camera][2])
-        seen = one_camera([(100.0, 100.0, 5.0)], camera)
-        many = shadows(seen, [0] * 100)
-        bearings.append(replace(many, first_rad=edges[:, 0], last_rad=edges[:, 1]))
-    for contact in crossing().cross(bearings):
-        assert 0.0 <= contact.x_mm <= SURFACE_MM[0]

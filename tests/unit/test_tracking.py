@@ -147,6 +147,13 @@ def test_a_contact_outside_the_gate_is_another_touch(tracker: Tracker) -> None:
     assert ids(follow(tracker, [[resting], [resting], [far]])) == [[1], [1], [1, 2]]
 
 
+def test_a_finger_that_lands_beside_one_that_just_lifted_is_another_touch(
+    tracker: Tracker,
+) -> None:
+    resting, beside = at(60.0, 60.0), at(72.0, 60.0)
+    assert ids(follow(tracker, [[resting]] * 5 + [[beside]] * 3))[-1] == [2]
+
+
 def test_ids_are_never_used_again(tracker: Tracker) -> None:
     seen: list[int] = []
     for number in range(5):
