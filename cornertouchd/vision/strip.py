@@ -27,6 +27,14 @@ CURVE_DEGREE = 4
 """Degree of the strip's rows along one side of the frame: tilt, barrel and perspective together
 leave under 0.1 px (rendered pictures)."""
 
+WIDEST_GAP_PX = 40
+"""A dark LED hides fewer columns than this, the camera in the next corner too."""
+
+STEP_PX = 2.0
+GROWTH = 0.2
+"""From one column to the next the strip's height changes by noise and perspective (under 0.1 px a
+column on every rig simulated); the own strip differs by its whole height."""
+
 
 class StripNotFoundError(Exception):
     """The pictures do not show a strip; the message says what they show instead."""
@@ -79,9 +87,12 @@ def find_strip(empty: FloatArray) -> Strip:
     mirrored = bool(np.mean(np.isfinite(rows.surface[clear])) > 0.5)
     surface = rows.surface if mirrored else rows.bottom
     corner = _far_corner(rows)
-    top_px, top_seen = _two_curves(rows.top, corner)
-    surface_px, surface_seen = _two_curves(surface, corner)
-    bottom_px, _ = _two_curves(rows.bottom, corner) if mirrored else (surface_px, surface_seen)
+    far = _connected_with(corner, rows.bottom - rows.top)
+    top_px, top_seen = _two_curves(np.where(far, rows.top, np.nan), corner)
+    surface_px, surface_seen = _two_curves(np.where(far, surface, np.nan), corner)
+    bottom_px = surface_px
+    if mirrored:
+        bottom_px, _ = _two_curves(np.where(far, rows.bottom, np.nan), corner)
     visible = top_seen & surface_seen & ~_darkened(lit, corner)
     height = (bottom_px - top_px) / 2 if mirrored else surface_px - top_px
     horizon_px = surface_px - _camera_height_share(surface_px, height, visible) * height
@@ -162,6 +173,25 @@ def _far_corner(rows: _ColumnRows) -> float:
         raise StripNotFoundError("the strip does not reach the middle of the picture")
     lowest = smooth[middle].min()
     return float(np.median(columns[middle][smooth[middle] <= lowest + 0.05])) + 0.5
+
+
+def _connected_with(corner: float, height: FloatArray) -> BoolArray:
+    """Tell the columns of the two far sides: from the corner outwards the strip grows steadily.
+
+    Behind a gap, with another height, begins the own strip next to the camera.
+    """
+    connected = np.zeros(len(height), bool)
+    seen = np.flatnonzero(np.isfinite(height))
+    for side in (seen[seen <= corner][::-1], seen[seen > corner]):
+        last, last_px = int(corner), float(np.median(height[side[:15]])) if len(side) else 0.0
+        for column in side.tolist():
+            gap = abs(column - last)
+            if gap > WIDEST_GAP_PX:
+                break
+            if abs(height[column] - last_px) <= STEP_PX + GROWTH * gap:
+                connected[column] = True
+                last, last_px = column, float(height[column])
+    return connected
 
 
 def _two_curves(rows: FloatArray, corner: float) -> tuple[FloatArray, BoolArray]:

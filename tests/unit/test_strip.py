@@ -108,6 +108,26 @@ def test_the_own_strips_beside_the_camera_are_not_strip() -> None:
     assert strip.visible[15:300].all()
 
 
+def test_own_strips_that_end_inside_a_whole_picture_are_not_strip_either() -> None:
+    """Without a band cut out, the strips next to the camera begin and end in the picture too."""
+    picture, top, surface = draw(30, 0, 0, 0.1, 0.8)
+    whole = np.full((200, WIDTH), 3.0)
+    whole[68 : 68 + ROWS] = picture
+    for column in range(40):
+        tall = 30 + 2 * (40 - column)
+        for u in (column, WIDTH - 1 - column):
+            whole[:, u] = 3
+            if column < 34:
+                whole[98 - tall : 98, u] = 200
+                whole[99 : 99 + tall, u] = 170
+    strip = find_strip(whole)
+    assert not strip.visible[:34].any()
+    assert not strip.visible[-34:].any()
+    assert strip.visible[45:300].all()
+    assert np.abs((strip.top_px - top - 68)[strip.visible]).max() < 0.6
+    assert np.abs((strip.surface_px - surface - 68)[strip.visible]).max() < 0.4
+
+
 def test_the_horizon_lies_at_the_height_of_the_camera() -> None:
     picture, top, surface = draw(30, 3, -2, 0.1, 0.8)
     strip = find_strip(picture)
