@@ -21,7 +21,7 @@ EDGE_SIGMA_PX = 0.1
 SHAPE_SIGMA_MM = 0.1
 """What is left when a finger is not a disc; keeps near cameras from outweighing all others."""
 
-POSITION_PRIOR_MM = 8.0
+POSITION_PRIOR_MM = 15.0
 """Cameras sit this near to the corner of the surface."""
 
 YAW_PRIOR_RAD = np.deg2rad(5.0)
