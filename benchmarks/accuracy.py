@@ -1,6 +1,7 @@
 """How exactly touches are found in recordings whose truth is known.
 
     python benchmarks/accuracy.py                      all recordings with a truth.csv
+    python benchmarks/accuracy.py --own                those of the repository
     python benchmarks/accuracy.py DIR...               these
     python benchmarks/accuracy.py --calibrate-with DIR --empty DIR [--scribble DIR] DIR...
 
@@ -138,11 +139,9 @@ def errors(values: list[float]) -> list[str]:
     return [f"{np.sqrt(np.mean(e**2)):.3f}", f"{np.median(e):.3f}", f"{np.percentile(e, 95):.3f}"]
 
 
-def default_recordings() -> tuple[Path, list[Path]]:
-    for place in PLACES:
-        if (place / "empty_small").is_dir():
-            return place, sorted(path.parent for path in place.glob("*/truth.csv"))
-    raise click.UsageError("no recordings beside the checkout or in tests/recordings: name some")
+def default_recordings(places: tuple[Path, ...]) -> tuple[Path, list[Path]]:
+    place = next(place for place in places if (place / "empty_small").is_dir())
+    return place, sorted(path.parent for path in place.glob("*/truth.csv"))
 
 
 @click.command(help=__doc__)
@@ -151,14 +150,16 @@ def default_recordings() -> tuple[Path, list[Path]]:
 @click.option("--empty", type=click.Path(path_type=Path, exists=True))
 @click.option("--scribble", type=click.Path(path_type=Path, exists=True))
 @click.option("--with-scribble", is_flag=True, help="Use scribble_small of the default place.")
+@click.option("--own", is_flag=True, help="Only the recordings of the repository.")
 def main(
     directories: tuple[Path, ...],
     taps: Path | None,
     empty: Path | None,
     scribble: Path | None,
     with_scribble: bool,
+    own: bool,
 ) -> None:
-    place, found = default_recordings() if not (taps and empty) else (Path(), [])
+    place, found = default_recordings(PLACES[-1:] if own else PLACES)
     taps, empty = taps or place / "calib_few_small", empty or place / "empty_small"
     scribble = scribble or (place / "scribble_small" if with_scribble else None)
     calibration = calibrate_from(taps, empty, scribble)
