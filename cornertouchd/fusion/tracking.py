@@ -24,6 +24,9 @@ GATE_SIGMAS = 3.0
 # Three of four contacts of this confidence are real, and only one or two in a hundred, with ten
 # fingers down, have less: those wait to be confirmed, all others are reported at once.
 CONFIDENCE_WITHOUT_CONFIRMATION = 0.5
+# Where two cameras see two fingers, the two ghosts explain their shadows nearly as well as the
+# fingers do, frame after frame: being seen again proves nothing then.
+CAMERAS_THAT_CONFIRM = 3
 # After such a pause nothing says where a finger went, or whether it is the same one.
 LONGEST_PAUSE_S = 0.5
 OUT_OF_REACH = 1e12
@@ -105,9 +108,9 @@ class Tracker:
 
     def _confirmed(self, track: _Track, contact: Contact, captured_at_s: float) -> _Track:
         """Give the track the next id if it has none yet and is sure enough to be reported."""
-        sure = (
-            contact.confidence >= CONFIDENCE_WITHOUT_CONFIRMATION
-            or track.seen >= self._settings.confirm_frames
+        seen_again = track.seen >= self._settings.confirm_frames
+        sure = contact.confidence >= CONFIDENCE_WITHOUT_CONFIRMATION or (
+            seen_again and len(contact.cameras) >= CAMERAS_THAT_CONFIRM
         )
         if track.id or not sure:
             return track

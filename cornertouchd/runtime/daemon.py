@@ -40,6 +40,7 @@ class Daemon:
             SurfacePipeline(calibration, settings),
             sinks,
             clock,
+            len(ports),
             self._live_cameras,
         )
         self._clock = clock

@@ -19,7 +19,8 @@ SILENCE_S = 0.25
 person has moved on to the next gesture."""
 
 CAMERAS_TO_REFUSE_GHOSTS = 3
-"""Two cameras alone see four crossings where two fingers are; a third tells which are real."""
+"""Two cameras alone see four crossings where two fingers are; a third tells which are real.  A rig
+that has but two works with what they tell; one that lost two of four sends no touches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +50,7 @@ class FusionThread:
         pipeline: SurfacePipeline,
         sinks: Sequence[TouchSink],
         clock: Clock,
+        camera_count: int,
         live_cameras: Callable[[], Sequence[str]],
     ) -> None:
         self._box = box
@@ -56,6 +58,7 @@ class FusionThread:
         self._pipeline = pipeline
         self._sinks = sinks
         self._clock = clock
+        self._camera_count = camera_count
         self._live_cameras = live_cameras
         self._cameras: Sequence[str] = ()
         self._stop = threading.Event()
@@ -158,10 +161,10 @@ class FusionThread:
     def _is_believed(self, frame_set: FrameSet, behind: bool) -> bool:
         """Tell whether a frame set is worth fusing.
 
-        Not if it lacks what the box dropped: a whole one is on its way.  Not if so many live
-        cameras are late that shadows cross without a third view to refuse ghosts.
+        Not if it lacks what the box dropped: a whole one is on its way.  Not if so many cameras
+        are missing that shadows cross without a third view to refuse ghosts.
         """
-        enough = min(CAMERAS_TO_REFUSE_GHOSTS, len(self._cameras))
+        enough = min(CAMERAS_TO_REFUSE_GHOSTS, self._camera_count)
         if len(frame_set.observations) < enough:
             return False
         return not (behind and self._is_partial(frame_set))

@@ -127,6 +127,15 @@ def test_three_cameras_carry_on_and_the_fourth_comes_back(
     assert sink.most == 2
 
 
+def test_two_of_four_cameras_tell_no_touches_rather_than_ghosts(running: Running) -> None:
+    sink, ports, _ = running
+    ports["C2"].fault = ports["C3"].fault = Fault.UNPLUGGED
+    sink.wait_until(lambda seen: seen.places == [])
+    ports["C2"].fault = Fault.NONE
+    sink.wait_until(both_fingers)
+    assert sink.most == 2
+
+
 def test_without_cameras_there_are_no_touches_until_they_return(running: Running) -> None:
     sink, ports, _ = running
     for port in ports.values():

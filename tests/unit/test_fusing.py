@@ -79,6 +79,7 @@ class Bench:
             self.surface,
             [self.sink],
             self.clock,
+            len(CAMERAS),
             lambda: CAMERAS,
         )
         self.thread.start()

@@ -137,6 +137,14 @@ def test_a_doubtful_contact_that_becomes_clear_is_reported_then() -> None:
     assert ids(follow(tracker, [[doubtful], [doubtful], [clear]])) == [[], [], [1]]
 
 
+def test_a_doubtful_contact_of_two_cameras_stays_doubtful_until_a_third_sees_it(
+    tracker: Tracker,
+) -> None:
+    third = at(60.0, 60.0, confidence=0.2)
+    ghost = replace(third, cameras=("C1", "C3"))
+    assert ids(follow(tracker, [[ghost]] * 5 + [[third]])) == [[], [], [], [], [], [1]]
+
+
 def test_a_touch_stays_one_when_it_becomes_doubtful(tracker: Tracker) -> None:
     clear, doubtful = at(60.0, 60.0), at(60.0, 60.0, confidence=0.1)
     assert ids(follow(tracker, [[clear]] + [[doubtful]] * 5)) == [[1]] * 6
