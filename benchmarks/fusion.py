@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 
 from cornertouchd.config import CrossingSettings
 from cornertouchd.fusion.crossing import Crossing, make_crossing
-from cornertouchd.model import Bearings, FloatArray
+from cornertouchd.model import DirectingLines, FloatArray
 
 EDGE_SIGMA_PX = 0.1
 # Light between two shadows that is narrower than this is lost in the blur.
@@ -86,7 +86,7 @@ def random_discs(rig: Rig, count: int, rng: np.random.Generator) -> FloatArray:
     return discs
 
 
-def observed(rig: Rig, discs: FloatArray, rng: np.random.Generator) -> list[Bearings]:
+def observed(rig: Rig, discs: FloatArray, rng: np.random.Generator) -> list[DirectingLines]:
     """Return what the cameras of the rig measure of the discs."""
     return [
         _bearings(rig, *camera, _shadows_px(rig, discs, camera[1:]), rng)
@@ -122,7 +122,7 @@ def _bearings(
     forward_rad: float,
     shadows_px: FloatArray,
     rng: np.random.Generator,
-) -> Bearings:
+) -> DirectingLines:
     border = rig.width_px / 2.0 - 1.0
     cut = np.clip(shadows_px, -border, border)
     shadows_px = shadows_px[cut[:, 1] - cut[:, 0] > SMALLEST_SHADOW_PX]
@@ -132,7 +132,7 @@ def _bearings(
     angles = forward_rad + np.arctan(edges / rig.focal_px)
     middles = edges.mean(axis=1)
     rad_per_px = np.cos(np.arctan(middles / rig.focal_px)) ** 2 / rig.focal_px
-    return Bearings(
+    return DirectingLines(
         camera=camera,
         x_mm=x_mm,
         y_mm=y_mm,
@@ -153,9 +153,9 @@ def measure(rig: Rig, crossing: Crossing, count: int, scenes: int, seed: int) ->
     reported = exact = 0
     for _ in range(scenes):
         discs = random_discs(rig, count, rng)
-        bearings = observed(rig, discs, rng)
+        directing_lines = observed(rig, discs, rng)
         started = time.perf_counter()
-        contacts = crossing.cross(bearings)
+        contacts = crossing.cross(directing_lines)
         seconds.append(time.perf_counter() - started)
         points = np.array([(contact.x_mm, contact.y_mm) for contact in contacts]).reshape(-1, 2)
         found = _distances_of_found(points, discs[:, :2], rig.found_within_mm)

@@ -89,18 +89,8 @@ class FrameSet:
 
 
 @dataclass(frozen=True, slots=True)
-class DirectingLine:
-    """The line on the surface from a camera through a shadow; angle from +x towards +y."""
-
-    camera: str
-    x_mm: float
-    y_mm: float
-    angle_rad: float
-
-
-@dataclass(frozen=True, slots=True)
-class Bearings:
-    """The K shadows of one camera laid on the surface: angles of lines through (x_mm, y_mm).
+class DirectingLines:
+    """The K shadows of one camera laid on the surface: lines through (x_mm, y_mm), by angle.
 
     A shadow lies between `first_rad` and `last_rad` (first < last); `centre_rad` belongs to the
     middle of its columns.  An edge that is not valid bounds nothing.  `sigma_rad` is the standard

@@ -1,7 +1,7 @@
 """From pictures to touches: the stages in order.  Read this first.
 
-Frame -> shadows -> Observation        CameraPipeline, one per capture thread
-FrameSet -> bearings -> contacts -> touches        SurfacePipeline, in the fusion thread
+CameraPipeline, one per capture thread:   Frame -> shadows -> Observation
+SurfacePipeline, in the fusion thread:    FrameSet -> directing lines -> contacts -> touches
 """
 
 from cornertouchd.calibration.calibration import Calibration, CameraCalibration
@@ -63,12 +63,12 @@ class SurfacePipeline:
 
     def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
         """Return what touches the surface in one frame set, whatever was before."""
-        bearings = [
+        directing_lines = [
             lay_shadows(seen.camera, seen.shadows, self._models[seen.camera], self._edge_sigma_px)
             for seen in frame_set.observations
             if seen.shadows
         ]
-        return self._crossing.cross(bearings)
+        return self._crossing.cross(directing_lines)
 
     def follow(self, frame_set: FrameSet, contacts: tuple[Contact, ...]) -> tuple[Touch, ...]:
         """Return the touches after a frame set with these contacts."""

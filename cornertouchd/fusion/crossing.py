@@ -1,4 +1,4 @@
-"""Crossing: from the bearings of all cameras to contacts, by the method that the settings name."""
+"""Crossing: from the directing lines of all cameras to contacts, by the method of the settings."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -7,13 +7,13 @@ from cornertouchd.config import CrossingSettings
 from cornertouchd.fusion.cells import disc_limits
 from cornertouchd.fusion.edge_crossing import EdgeCrossing
 from cornertouchd.fusion.paper_crossing import PaperCrossing
-from cornertouchd.model import Bearings, Contact
+from cornertouchd.model import Contact, DirectingLines
 
 
 class Crossing(Protocol):
     """A way to find contacts; keeps nothing from one frame set to the next."""
 
-    def cross(self, bearings: Sequence[Bearings]) -> tuple[Contact, ...]:
+    def cross(self, directing_lines: Sequence[DirectingLines]) -> tuple[Contact, ...]:
         """Return the contacts that explain the shadows of 2..8 cameras.
 
         Cameras without a shadow add nothing; with fewer than two others there are no contacts.

@@ -15,7 +15,7 @@ from cornertouchd.fusion.edge_rows import edge_rows
 from cornertouchd.fusion.refinement import RefinedDiscs, refine
 from cornertouchd.fusion.rescue import is_needed, rescue_candidates
 from cornertouchd.fusion.selection import cheapest_explanation, costs_of
-from cornertouchd.model import Bearings, BoolArray, Contact, FloatArray
+from cornertouchd.model import BoolArray, Contact, DirectingLines, FloatArray
 
 # Fitted to 10 000 contacts in crowded scenes (15 on 350x400, hands, three cameras): of those with
 # margins about 0, 1, 3, 5, 7 and 10, the shares .59, .86, .84, .94, .99 and .99 were real.
@@ -35,9 +35,9 @@ class EdgeCrossing:
     limits: DiscLimits
     edge_sigma_px: float
 
-    def cross(self, bearings: Sequence[Bearings]) -> tuple[Contact, ...]:
+    def cross(self, directing_lines: Sequence[DirectingLines]) -> tuple[Contact, ...]:
         """Return the contacts that explain the shadows, on the surface, in no given order."""
-        rows = edge_rows(bearings)
+        rows = edge_rows(directing_lines)
         if len(rows.cameras) < 2:
             return ()
         candidates = find_candidates(rows, find_cells(rows, self.limits), self.limits)

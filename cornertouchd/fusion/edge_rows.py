@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cornertouchd.geometry import normals, wrap_angle
-from cornertouchd.model import Bearings, BoolArray, FloatArray
+from cornertouchd.model import BoolArray, DirectingLines, FloatArray
 
 IntArray = NDArray[np.intp]
 
@@ -52,10 +52,10 @@ class EdgeRows:
         return self.forward_rad + wrap_angle(angles_rad - self.forward_rad)
 
 
-def edge_rows(bearings: Sequence[Bearings]) -> EdgeRows:
+def edge_rows(directing_lines: Sequence[DirectingLines]) -> EdgeRows:
     """Collect the rows of all cameras that have a usable shadow; the others are left out."""
-    most = MOST_SHADOWS // max(len(bearings), 1)
-    usable = [_usable(camera, most) for camera in bearings]
+    most = MOST_SHADOWS // max(len(directing_lines), 1)
+    usable = [_usable(camera, most) for camera in directing_lines]
     seeing = [camera for camera in usable if len(camera.first_rad)]
     counts = np.array([len(camera.first_rad) for camera in seeing], dtype=np.intp)
     camera_of_shadow = np.repeat(np.arange(len(seeing)), counts)
@@ -105,7 +105,7 @@ def _joined(parts: Sequence[NDArray[np.generic]]) -> FloatArray:
     return np.concatenate([np.empty(0), *parts])
 
 
-def _usable(camera: Bearings, most: int) -> Bearings:
+def _usable(camera: DirectingLines, most: int) -> DirectingLines:
     """Drop shadows that are no interval of finite angles; keep the widest, in order of angle."""
     sound = np.flatnonzero(
         np.isfinite(camera.first_rad)

@@ -23,7 +23,7 @@ from cornertouchd.config import PaperCrossingSettings
 from cornertouchd.fusion.cells import DiscLimits
 from cornertouchd.fusion.edge_rows import IntArray
 from cornertouchd.geometry import angles_and_distances, normals
-from cornertouchd.model import Bearings, Contact, FloatArray
+from cornertouchd.model import Contact, DirectingLines, FloatArray
 
 # 21 shadows in each of four cameras.  Ten contacts make at most 10 000 groups.
 MOST_GROUPS = 200_000
@@ -75,9 +75,11 @@ class PaperCrossing:
         """Number of frame sets that had more than `MOST_GROUPS` groups and so gave no contacts."""
         return self._refused_sets
 
-    def cross(self, bearings: Sequence[Bearings]) -> tuple[Contact, ...]:
+    def cross(self, directing_lines: Sequence[DirectingLines]) -> tuple[Contact, ...]:
         """Return the accepted points in the order in which the paper's iteration meets them."""
-        seeing = [camera for camera in map(_with_whole_shadows, bearings) if len(camera.centre_rad)]
+        seeing = [
+            camera for camera in map(_with_whole_shadows, directing_lines) if len(camera.centre_rad)
+        ]
         if len(seeing) < 2:
             return ()
         if prod(len(camera.centre_rad) for camera in seeing) > MOST_GROUPS:
@@ -116,7 +118,7 @@ class PaperCrossing:
         )
 
 
-def _with_whole_shadows(camera: Bearings) -> Bearings:
+def _with_whole_shadows(camera: DirectingLines) -> DirectingLines:
     """Keep the shadows of which both edges are seen: only those have a centre."""
     whole = camera.first_valid & camera.last_valid & np.isfinite(camera.centre_rad)
     return replace(
@@ -130,7 +132,7 @@ def _with_whole_shadows(camera: Bearings) -> Bearings:
     )
 
 
-def _all_groups(cameras: Sequence[Bearings]) -> _Groups:
+def _all_groups(cameras: Sequence[DirectingLines]) -> _Groups:
     line_of = np.indices([len(camera.centre_rad) for camera in cameras]).reshape(len(cameras), -1)
     chosen = list(zip(cameras, line_of, strict=True))
     origins = np.array([(camera.x_mm, camera.y_mm) for camera in cameras])

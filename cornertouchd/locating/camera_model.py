@@ -4,7 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cornertouchd.model import Bearings, FloatArray, Shadow
+from cornertouchd.model import DirectingLines, FloatArray, Shadow
 
 
 class CameraModel(Protocol):
@@ -26,7 +26,7 @@ class CameraModel(Protocol):
 
 def lay_shadows(
     camera: str, shadows: tuple[Shadow, ...], model: CameraModel, edge_sigma_px: float
-) -> Bearings:
+) -> DirectingLines:
     """Lay the shadows of one camera on the surface."""
     columns = np.array([(s.left_px, s.right_px) for s in shadows]).reshape(-1, 2)
     valid = np.array([(s.left_valid, s.right_valid) for s in shadows], bool).reshape(-1, 2)
@@ -41,7 +41,7 @@ def lay_shadows(
     order = np.argsort(angles[:, 0])
     angles, valid = angles[order], valid[order]
     x_mm, y_mm = model.position_mm
-    return Bearings(
+    return DirectingLines(
         camera,
         x_mm,
         y_mm,

@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from cornertouchd.config import CrossingSettings
 from cornertouchd.fusion.crossing import Crossing, make_crossing
 from cornertouchd.fusion.edge_crossing import EdgeCrossing
-from cornertouchd.model import Bearings, Contact
+from cornertouchd.model import Contact, DirectingLines
 
 SURFACE_MM = (350.0, 400.0)
 CORNERS = {
@@ -39,14 +39,14 @@ def bearings_of(
     discs: Sequence[Disc],
     cameras: Sequence[str] = tuple(CORNERS),
     rng: np.random.Generator | None = None,
-) -> list[Bearings]:
+) -> list[DirectingLines]:
     """Return what the cameras see of the discs (x, y, r): merged shadows, cut at the view."""
     return [one_camera(discs, camera, rng) for camera in cameras]
 
 
 def one_camera(
     discs: Sequence[Disc], camera: str, rng: np.random.Generator | None = None
-) -> Bearings:
+) -> DirectingLines:
     x_mm, y_mm, forward_deg = (CORNERS | SIDES)[camera]
     forward_rad = np.deg2rad(forward_deg)
     half_view_rad = HALF_VIEW_RAD if camera in CORNERS else np.deg2rad(89.0)
@@ -60,7 +60,7 @@ def one_camera(
     valid = np.abs(edges) < half_view_rad
     noise = 0.0 if rng is None else rng.normal(0.0, SIGMA_RAD, edges.shape)
     edges = forward_rad + np.clip(edges + valid * noise, -half_view_rad, half_view_rad)
-    return Bearings(
+    return DirectingLines(
         camera=camera,
         x_mm=x_mm,
         y_mm=y_mm,
@@ -81,9 +81,11 @@ def _interval(disc: Disc, x_mm: float, y_mm: float, forward_rad: float) -> tuple
     return float(angle - half), float(angle + half)
 
 
-def shadows(bearings: Bearings, kept: Sequence[int]) -> Bearings:
+def shadows(directing_lines: DirectingLines, kept: Sequence[int]) -> DirectingLines:
     names = ("first_rad", "centre_rad", "last_rad", "first_valid", "last_valid", "sigma_rad")
-    return replace(bearings, **{name: getattr(bearings, name)[list(kept)] for name in names})
+    return replace(
+        directing_lines, **{name: getattr(directing_lines, name)[list(kept)] for name in names}
+    )
 
 
 def random_discs(count: int, rng: np.random.Generator, apart_mm: float = 20.0) -> list[Disc]:
@@ -176,9 +178,9 @@ def test_fingers_behind_each_other_make_no_ghosts() -> None:
 
 def test_merged_shadows_are_taken_apart() -> None:
     pair = [(170.0, 200.0, 5.0), (190.0, 214.0, 5.0)]
-    bearings = bearings_of(pair)
-    assert min(len(camera.first_rad) for camera in bearings) == 1
-    assert_found(crossing().cross(bearings), pair, within_mm=0.5)
+    directing_lines = bearings_of(pair)
+    assert min(len(camera.first_rad) for camera in directing_lines) == 1
+    assert_found(crossing().cross(directing_lines), pair, within_mm=0.5)
 
 
 @pytest.mark.parametrize("turned_deg", range(0, 180, 20))
@@ -241,61 +243,64 @@ def test_less_than_two_seeing_cameras_find_nothing() -> None:
 def test_a_contact_that_one_camera_misses_is_found_all_the_same() -> None:
     discs = [(90.0, 150.0, 6.0), (240.0, 260.0, 6.0)]
     for camera in range(4):
-        bearings = bearings_of(discs)
-        bearings[camera] = shadows(bearings[camera], [0])
-        assert_found(crossing().cross(bearings), discs, within_mm=0.3)
+        directing_lines = bearings_of(discs)
+        directing_lines[camera] = shadows(directing_lines[camera], [0])
+        assert_found(crossing().cross(directing_lines), discs, within_mm=0.3)
 
 
 def test_a_contact_between_two_cameras_that_hide_it_from_each_other_is_found() -> None:
     on_the_diagonal = (230.0, 262.0, 3.8)
     elsewhere = (60.0, 300.0, 6.0)
-    bearings = bearings_of([on_the_diagonal, elsewhere])
+    directing_lines = bearings_of([on_the_diagonal, elsewhere])
     for camera in ("C1", "C3"):
-        bearings[list(CORNERS).index(camera)] = one_camera([elsewhere], camera)
-    contacts = crossing().cross(bearings)
+        directing_lines[list(CORNERS).index(camera)] = one_camera([elsewhere], camera)
+    contacts = crossing().cross(directing_lines)
     assert_found(contacts, [on_the_diagonal, elsewhere], within_mm=0.5)
 
 
 def test_what_two_cameras_show_and_two_others_do_not_is_no_contact() -> None:
     finger, phantom = (90.0, 150.0, 6.0), (300.0, 300.0, 6.0)
-    bearings = [*bearings_of([finger], ("C1", "C2")), *bearings_of([finger, phantom], ("C3", "C4"))]
-    assert_found(crossing().cross(bearings), [finger], within_mm=0.1)
+    directing_lines = [
+        *bearings_of([finger], ("C1", "C2")),
+        *bearings_of([finger, phantom], ("C3", "C4")),
+    ]
+    assert_found(crossing().cross(directing_lines), [finger], within_mm=0.1)
 
 
 def test_a_finger_at_a_camera_covers_its_view_and_is_found() -> None:
     at_c1 = (1.0, 1.0, 14.0)
     far = (250.0, 300.0, 6.0)
-    bearings = bearings_of([at_c1, far])
-    assert not (bearings[0].first_valid | bearings[0].last_valid).any()
-    assert_found(crossing().cross(bearings), [at_c1, far], within_mm=0.5)
+    directing_lines = bearings_of([at_c1, far])
+    assert not (directing_lines[0].first_valid | directing_lines[0].last_valid).any()
+    assert_found(crossing().cross(directing_lines), [at_c1, far], within_mm=0.5)
 
 
 def test_a_finger_reaches_beyond_an_edge_that_is_not_valid() -> None:
     """Columns are unknown from the middle of the finger on, where another camera stands."""
     discs = [(184.0, 206.0, 6.0), (300.0, 120.0, 6.0)]
-    bearings = []
+    directing_lines = []
     for camera in CORNERS:
         seen = one_camera(discs, camera)
         cut = int(np.argmin(np.abs(seen.centre_rad - one_camera(discs[:1], camera).centre_rad)))
         last_rad, last_valid = seen.last_rad.copy(), seen.last_valid.copy()
         last_rad[cut], last_valid[cut] = seen.centre_rad[cut], False
-        bearings.append(replace(seen, last_rad=last_rad, last_valid=last_valid))
-    assert_found(crossing().cross(bearings), discs, within_mm=1.0)
+        directing_lines.append(replace(seen, last_rad=last_rad, last_valid=last_valid))
+    assert_found(crossing().cross(directing_lines), discs, within_mm=1.0)
 
 
 def test_beyond_an_edge_that_is_not_valid_the_light_still_refuses_ghosts() -> None:
     finger, ghost = (120.0, 150.0, 6.0), (200.0, 320.0, 6.0)
-    bearings = [one_camera([finger], "C1"), *bearings_of([finger, ghost], ("C2", "C3"))]
-    assert bearings[0].last_rad[0] < one_camera([ghost], "C1").first_rad[0]
-    bearings[0] = replace(bearings[0], last_valid=np.array([False]))
-    assert_found(crossing().cross(bearings), [finger], within_mm=0.3)
+    directing_lines = [one_camera([finger], "C1"), *bearings_of([finger, ghost], ("C2", "C3"))]
+    assert directing_lines[0].last_rad[0] < one_camera([ghost], "C1").first_rad[0]
+    directing_lines[0] = replace(directing_lines[0], last_valid=np.array([False]))
+    assert_found(crossing().cross(directing_lines), [finger], within_mm=0.3)
 
 
 def test_four_edges_that_leave_the_size_open_still_make_a_contact() -> None:
     """In the middle of the surface opposite cameras may see only the same side of a finger."""
     disc = (177.0, 202.0, 5.0)
     valid = {"C1": (True, False), "C2": (True, False), "C3": (False, True), "C4": (False, True)}
-    bearings = [
+    directing_lines = [
         replace(
             one_camera([disc], camera),
             first_valid=np.array([first]),
@@ -303,7 +308,7 @@ def test_four_edges_that_leave_the_size_open_still_make_a_contact() -> None:
         )
         for camera, (first, last) in valid.items()
     ]
-    assert_found(crossing().cross(bearings), [disc], within_mm=2.0)
+    assert_found(crossing().cross(directing_lines), [disc], within_mm=2.0)
 
 
 def test_contacts_at_the_border_are_on_the_surface() -> None:
@@ -331,13 +336,13 @@ def test_the_settings_bound_the_size_of_contacts() -> None:
 def test_an_ellipse_is_found_at_its_centre() -> None:
     """Rays of a camera far away touch an ellipse of half axes 7 and 5 where its support says."""
     centre, half_axes, turned_rad = np.array([140.0, 220.0]), (7.0, 5.0), 0.6
-    bearings = []
+    directing_lines = []
     for camera, (x_mm, y_mm, _) in CORNERS.items():
         edges = _tangents_of_ellipse(centre - (x_mm, y_mm), half_axes, turned_rad)
         seen = one_camera([(140.0, 220.0, 6.0)], camera)
         wrapped = seen.centre_rad + (edges - seen.centre_rad + np.pi) % (2 * np.pi) - np.pi
-        bearings.append(replace(seen, first_rad=wrapped[:1], last_rad=wrapped[1:]))
-    (contact,) = crossing().cross(bearings)
+        directing_lines.append(replace(seen, first_rad=wrapped[:1], last_rad=wrapped[1:]))
+    (contact,) = crossing().cross(directing_lines)
     assert (contact.x_mm, contact.y_mm) == pytest.approx(tuple(centre), abs=0.1)
     assert contact.diameter_mm == pytest.approx(12.0, abs=0.4)
 
@@ -356,7 +361,7 @@ def _tangents_of_ellipse(
 
 def test_angles_may_be_counted_from_any_turn() -> None:
     discs = random_discs(4, np.random.default_rng(4))
-    bearings = bearings_of(discs)
+    directing_lines = bearings_of(discs)
     turned = [
         replace(
             camera,
@@ -364,23 +369,29 @@ def test_angles_may_be_counted_from_any_turn() -> None:
             centre_rad=camera.centre_rad + turns * 2.0 * np.pi,
             last_rad=camera.last_rad + turns * 2.0 * np.pi,
         )
-        for camera, turns in zip(bearings, (1, -1, -2, 0), strict=True)
+        for camera, turns in zip(directing_lines, (1, -1, -2, 0), strict=True)
     ]
-    assert np.allclose(found(crossing().cross(turned)), found(crossing().cross(bearings)))
+    assert np.allclose(found(crossing().cross(turned)), found(crossing().cross(directing_lines)))
 
 
 def test_the_order_of_the_cameras_changes_only_their_order_in_a_contact() -> None:
     discs = random_discs(5, np.random.default_rng(5))
-    bearings = bearings_of(discs)
+    directing_lines = bearings_of(discs)
     assert np.allclose(
-        found(crossing().cross(bearings)), found(crossing().cross(bearings[::-1])), atol=1e-6
+        found(crossing().cross(directing_lines)),
+        found(crossing().cross(directing_lines[::-1])),
+        atol=1e-6,
     )
 
 
 def test_the_same_bearings_give_the_same_contacts_bit_for_bit() -> None:
-    bearings = bearings_of(random_discs(8, np.random.default_rng(6)))
+    directing_lines = bearings_of(random_discs(8, np.random.default_rng(6)))
     one = crossing()
-    assert one.cross(bearings) == one.cross(bearings) == crossing().cross(bearings)
+    assert (
+        one.cross(directing_lines)
+        == one.cross(directing_lines)
+        == crossing().cross(directing_lines)
+    )
 
 
 def test_a_doubtful_contact_has_less_confidence_than_a_clear_one() -> None:

@@ -9,7 +9,7 @@ from cornertouchd.config import CrossingSettings, PaperCrossingSettings
 from cornertouchd.fusion.crossing import make_crossing
 from cornertouchd.fusion.paper_crossing import MOST_GROUPS, PaperCrossing
 from cornertouchd.geometry import distances_to_lines, nearest_point_to_lines
-from cornertouchd.model import Bearings, Contact
+from cornertouchd.model import Contact, DirectingLines
 
 SURFACE_MM = (350.0, 400.0)
 CORNERS_MM = {
@@ -22,10 +22,10 @@ CORNERS_MM = {
 
 def lines(
     camera: str, angles_rad: list[float], width_rad: float = 0.02, *, whole: bool = True
-) -> Bearings:
+) -> DirectingLines:
     x_mm, y_mm = CORNERS_MM[camera]
     centre = np.array(sorted(angles_rad))
-    return Bearings(
+    return DirectingLines(
         camera=camera,
         x_mm=x_mm,
         y_mm=y_mm,
@@ -43,7 +43,9 @@ def towards(points_mm: list[tuple[float, float]], camera: str) -> list[float]:
     return [float(np.arctan2(y - y_mm, x - x_mm)) for x, y in points_mm]
 
 
-def lines_to(points_mm: list[tuple[float, float]], cameras: str = "C1 C2 C3 C4") -> list[Bearings]:
+def lines_to(
+    points_mm: list[tuple[float, float]], cameras: str = "C1 C2 C3 C4"
+) -> list[DirectingLines]:
     return [lines(camera, towards(points_mm, camera)) for camera in cameras.split()]
 
 
@@ -79,14 +81,14 @@ def test_it_accepts_what_the_paper_accepts_group_by_group(
 ) -> None:
     rng = np.random.default_rng(seed)
     points = [(float(x), float(y)) for x, y in rng.uniform((20, 20), (330, 380), (3, 2))]
-    bearings = [
+    directing_lines = [
         lines(camera, [angle + rng.normal(0.0, 0.01) for angle in towards(points, camera)])
         for camera in CORNERS_MM
     ]
     accepted: list[np.ndarray] = []
     for group in product(range(3), repeat=4):
-        angles = np.array([b.centre_rad[n] for b, n in zip(bearings, group, strict=True)])
-        origins = np.array([(b.x_mm, b.y_mm) for b in bearings])
+        angles = np.array([b.centre_rad[n] for b, n in zip(directing_lines, group, strict=True)])
+        origins = np.array([(b.x_mm, b.y_mm) for b in directing_lines])
         point = nearest_point_to_lines(origins, angles)
         if np.any(point < -2.0) or np.any(point > np.array(SURFACE_MM) + 2.0):
             continue
@@ -94,7 +96,7 @@ def test_it_accepts_what_the_paper_accepts_group_by_group(
         if near and all(np.hypot(*(point - other)) > th2_mm for other in accepted):
             accepted.append(point)
     on_surface = np.clip(np.array(accepted).reshape(-1, 2), 0.0, SURFACE_MM)
-    found = np.array(places(paper(th1_mm, th2_mm).cross(bearings))).reshape(-1, 2)
+    found = np.array(places(paper(th1_mm, th2_mm).cross(directing_lines))).reshape(-1, 2)
     np.testing.assert_allclose(found, on_surface, atol=1e-6)
 
 
@@ -104,24 +106,24 @@ def test_it_accepts_ghosts() -> None:
 
 
 def test_a_line_that_passes_farther_than_th1_refuses_the_group() -> None:
-    bearings = lines_to([(175.0, 200.0)])
-    bearings[2] = lines("C3", [bearings[2].centre_rad[0] + 0.1])
-    assert paper(th1_mm=5.0).cross(bearings) == ()
-    (contact,) = paper(th1_mm=30.0).cross(bearings)
+    directing_lines = lines_to([(175.0, 200.0)])
+    directing_lines[2] = lines("C3", [directing_lines[2].centre_rad[0] + 0.1])
+    assert paper(th1_mm=5.0).cross(directing_lines) == ()
+    (contact,) = paper(th1_mm=30.0).cross(directing_lines)
     assert 0.0 < contact.confidence < 1.0
 
 
 def test_a_camera_without_a_shadow_is_left_out() -> None:
-    bearings = [*lines_to([(120.0, 90.0)], "C1 C2 C4"), lines("C3", [])]
-    (contact,) = paper().cross(bearings)
+    directing_lines = [*lines_to([(120.0, 90.0)], "C1 C2 C4"), lines("C3", [])]
+    (contact,) = paper().cross(directing_lines)
     assert contact.cameras == ("C1", "C2", "C4")
     assert places((contact,))[0] == pytest.approx((120.0, 90.0))
 
 
 def test_a_shadow_with_only_one_edge_has_no_centre() -> None:
-    bearings = lines_to([(120.0, 90.0)], "C1 C2 C4")
-    bearings.append(lines("C3", towards([(300.0, 40.0)], "C3"), whole=False))
-    (contact,) = paper().cross(bearings)
+    directing_lines = lines_to([(120.0, 90.0)], "C1 C2 C4")
+    directing_lines.append(lines("C3", towards([(300.0, 40.0)], "C3"), whole=False))
+    (contact,) = paper().cross(directing_lines)
     assert contact.cameras == ("C1", "C2", "C4")
 
 
@@ -144,11 +146,11 @@ def test_one_camera_locates_nothing() -> None:
 def test_too_many_groups_are_refused_and_counted() -> None:
     crossing = paper()
     count = int(MOST_GROUPS ** (1 / 4)) + 1
-    bearings = [
+    directing_lines = [
         lines(camera, list(np.linspace(a, a + 1.4, count)), width_rad=0.001)
         for camera, a in zip(CORNERS_MM, (0.1, 1.7, 3.2, -1.5), strict=True)
     ]
-    assert crossing.cross(bearings) == ()
+    assert crossing.cross(directing_lines) == ()
     assert crossing.refused_sets == 1
     assert len(crossing.cross(lines_to([(120.0, 90.0)]))) == 1
     assert crossing.refused_sets == 1

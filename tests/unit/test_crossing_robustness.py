@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from cornertouchd.config import CrossingSettings
 from cornertouchd.fusion.crossing import Crossing, make_crossing
-from cornertouchd.model import Bearings
+from cornertouchd.model import DirectingLines
 
 SURFACE_MM = (350.0, 400.0)
 PLACES_MM = {
@@ -23,18 +23,18 @@ def crossing() -> Crossing:
     return make_crossing(CrossingSettings(), SURFACE_MM)
 
 
-def assert_sound(bearings: list[Bearings]) -> None:
-    for contact in crossing().cross(bearings):
+def assert_sound(directing_lines: list[DirectingLines]) -> None:
+    for contact in crossing().cross(directing_lines):
         assert 0.0 <= contact.x_mm <= SURFACE_MM[0]
         assert 0.0 <= contact.y_mm <= SURFACE_MM[1]
         assert 0.0 <= contact.confidence <= 1.0
         assert 0.0 < contact.diameter_mm < 200.0
         assert 0.0 < contact.sigma_mm < 100.0
-        assert set(contact.cameras) <= {camera.camera for camera in bearings}
+        assert set(contact.cameras) <= {camera.camera for camera in directing_lines}
 
 
 @st.composite
-def any_bearings(draw: st.DrawFn) -> list[Bearings]:
+def any_bearings(draw: st.DrawFn) -> list[DirectingLines]:
     """Shadows that no discs cast, some of them no intervals at all."""
     angle = st.one_of(st.floats(-4.0, 8.0), st.sampled_from([np.nan, np.inf, 0.0, 1e300]))
     result = []
@@ -46,7 +46,7 @@ def any_bearings(draw: st.DrawFn) -> list[Bearings]:
             lambda drawn: np.array(drawn, dtype=np.bool_)
         )
         result.append(
-            Bearings(
+            DirectingLines(
                 camera=camera,
                 x_mm=x_mm,
                 y_mm=y_mm,
@@ -62,18 +62,20 @@ def any_bearings(draw: st.DrawFn) -> list[Bearings]:
 
 
 @given(any_bearings())
-def test_whatever_the_cameras_report_gives_sound_contacts(bearings: list[Bearings]) -> None:
-    assert_sound(bearings)
+def test_whatever_the_cameras_report_gives_sound_contacts(
+    directing_lines: list[DirectingLines],
+) -> None:
+    assert_sound(directing_lines)
 
 
 def test_broken_strips_with_a_hundred_shadows_each_are_survived() -> None:
     rng = np.random.default_rng(1)
-    bearings = []
+    directing_lines = []
     for number, camera in enumerate(["C1", "C2", "C3", "C4"]):
         forward_rad = np.pi / 4.0 + number * np.pi / 2.0
         edges = forward_rad + np.sort(rng.uniform(-0.8, 0.8, 200)).reshape(-1, 2)
-        bearings.append(
-            Bearings(
+        directing_lines.append(
+            DirectingLines(
                 camera=camera,
                 x_mm=PLACES_MM[camera][0],
                 y_mm=PLACES_MM[camera][1],
@@ -85,4 +87,4 @@ def test_broken_strips_with_a_hundred_shadows_each_are_survived() -> None:
                 sigma_rad=np.full(100, 3e-4),
             )
         )
-    assert_sound(bearings)
+    assert_sound(directing_lines)

@@ -72,23 +72,23 @@ def test_slopes_are_the_derivatives_of_angles(column: float) -> None:
 def test_shadows_are_laid_on_the_surface_in_order_of_angle() -> None:
     shadows = (Shadow(100, 110, True, True, 1.0), Shadow(300, 320, True, False, 1.0))
     model = AnglePolynomial((1.0, 2.0), (0.8, 0.9), 640)
-    bearings = lay_shadows("C1", shadows, model, 0.1)
-    assert (bearings.x_mm, bearings.y_mm) == (1.0, 2.0)
-    assert bearings.first_rad == pytest.approx(model.angles_rad(np.array([100.0, 300.0])))
-    assert bearings.last_rad == pytest.approx(model.angles_rad(np.array([110.0, 320.0])))
-    assert bearings.last_valid.tolist() == [True, False]
-    assert bearings.sigma_rad == pytest.approx([0.1 * 0.9 / 320] * 2)
+    directing_lines = lay_shadows("C1", shadows, model, 0.1)
+    assert (directing_lines.x_mm, directing_lines.y_mm) == (1.0, 2.0)
+    assert directing_lines.first_rad == pytest.approx(model.angles_rad(np.array([100.0, 300.0])))
+    assert directing_lines.last_rad == pytest.approx(model.angles_rad(np.array([110.0, 320.0])))
+    assert directing_lines.last_valid.tolist() == [True, False]
+    assert directing_lines.sigma_rad == pytest.approx([0.1 * 0.9 / 320] * 2)
 
 
 def test_a_camera_that_hangs_upside_down_sees_the_same() -> None:
     shadows = (Shadow(100, 110, True, True, 1.0), Shadow(300, 320, True, False, 1.0))
-    bearings = lay_shadows("C1", shadows, AnglePolynomial((0, 0), (0.8, -0.9), 640), 0.1)
-    assert (bearings.first_rad < bearings.last_rad).all()
-    assert (np.diff(bearings.first_rad) > 0).all()
-    assert bearings.first_valid.tolist() == [False, True]
-    assert bearings.last_valid.tolist() == [True, True]
+    directing_lines = lay_shadows("C1", shadows, AnglePolynomial((0, 0), (0.8, -0.9), 640), 0.1)
+    assert (directing_lines.first_rad < directing_lines.last_rad).all()
+    assert (np.diff(directing_lines.first_rad) > 0).all()
+    assert directing_lines.first_valid.tolist() == [False, True]
+    assert directing_lines.last_valid.tolist() == [True, True]
 
 
 def test_no_shadows_make_empty_bearings() -> None:
-    bearings = lay_shadows("C1", (), AnglePolynomial((0, 0), (0.8, 0.9), 640), 0.1)
-    assert len(bearings.first_rad) == len(bearings.sigma_rad) == 0
+    directing_lines = lay_shadows("C1", (), AnglePolynomial((0, 0), (0.8, 0.9), 640), 0.1)
+    assert len(directing_lines.first_rad) == len(directing_lines.sigma_rad) == 0
