@@ -4,14 +4,15 @@ CameraPipeline, one per capture thread:   Frame -> shadows -> Observation
 SurfacePipeline, in the fusion thread:    FrameSet -> directing lines -> contacts -> touches
 """
 
-from cornertouchd.calibration.calibration import Calibration, CameraCalibration
+from cornertouchd.calibration.calibration import Calibration, CalibrationError, CameraCalibration
 from cornertouchd.config import Settings
 from cornertouchd.fusion.crossing import make_crossing
 from cornertouchd.fusion.tracking import Tracker
 from cornertouchd.locating.camera_model import lay_shadows
 from cornertouchd.model import Contact, FloatArray, Frame, FrameSet, Observation, Touch
 from cornertouchd.vision.finder import make_finder
-from cornertouchd.vision.strip import find_strip
+from cornertouchd.vision.profile import shows_strip
+from cornertouchd.vision.strip import StripNotFoundError, find_strip
 
 MOST_SHADOWS = 64
 """A picture with more shadows is garbage: twenty fingers throw at most twenty."""
@@ -27,12 +28,28 @@ class CameraPipeline:
     def __init__(self, calibration: CameraCalibration, settings: Settings) -> None:
         self._camera = calibration.id
         self._shape = (calibration.format.rows_px, calibration.format.width_px)
-        self._strip = find_strip(calibration.empty)
+        try:
+            self._strip = find_strip(calibration.empty)
+        except StripNotFoundError as error:
+            raise CalibrationError(f"camera {calibration.id}: no strip found: {error}") from None
         self._settings = settings.vision
         self.learn_background(calibration.empty)
 
     def learn_background(self, empty: FloatArray) -> None:
-        """Measure from now on against `empty`, the mean of empty pictures (rows_px, width_px)."""
+        """Measure from now on against `empty`, the mean of empty pictures (rows_px, width_px).
+
+        Raises `CalibrationError` if they have another size or do not show the strip.
+        """
+        if empty.shape != self._shape:
+            raise CalibrationError(
+                f"camera {self._camera}: empty pictures of {empty.shape[1]}x{empty.shape[0]} "
+                f"pixels, calibrated with {self._shape[1]}x{self._shape[0]}"
+            )
+        if not shows_strip(self._strip, empty, self._settings):
+            raise CalibrationError(
+                f"camera {self._camera}: the strip is dark in the empty pictures: was the LED "
+                "frame off, or the lens covered? Record them anew"
+            )
         self._finder = make_finder(self._strip, empty, self._settings)
 
     def observe(self, frame: Frame) -> Observation:

@@ -55,7 +55,8 @@ def gather_touches(
     settings: VisionSettings,
 ) -> ReferenceTouches:
     """Look at the empty surface, then at every touch.  Raises `CalibrationError`."""
-    empties = mean_pictures(empty)
+    means = mean_pictures(empty)
+    empties = {camera: means[camera] for camera in formats}
     strips = find_strips(empties)
     finders = make_finders(strips, empties, settings)
     known = observe_touches(taps.frame_sets, finders)

@@ -14,6 +14,7 @@ from cornertouchd.calibration.calibration import (
 from cornertouchd.calibration.gathering import ReferenceTouches
 from cornertouchd.calibration.joint_fit import (
     DEGREE,
+    JointFit,
     StartingPoint,
     TouchColumns,
     fit_jointly,
@@ -29,6 +30,9 @@ from cornertouchd.model import BoolArray, FloatArray
 from cornertouchd.vision.strip import Strip
 
 _Fitted = tuple[Sequence[AnglePolynomial | Projection], FloatArray]
+
+SMALLEST_SHARE_KEPT = 0.8
+"""A person misses one tap in ten at worst; wrong reference points lose more than half."""
 
 SMALLEST_TAPS = 4
 """Four taps fix the gauge: scribbles alone leave a homography free."""
@@ -46,6 +50,10 @@ def calibrate(
     method: Method, given: ReferenceTouches, tap_sigma_mm: float, stamp: Stamp
 ) -> Calibration:
     """Return the calibration.  Raises `CalibrationError` naming camera, reason and remedy."""
+    if len(given.formats) < 2:
+        raise CalibrationError(
+            f"only camera {', '.join(given.formats)} was recorded; two cameras at least are needed"
+        )
     models, residuals = _METHODS[method](given, tap_sigma_mm)
     cameras = tuple(
         CameraCalibration(camera, size, given.empties[camera], model, _rms(residuals[index]))
@@ -79,6 +87,7 @@ def _auto(given: ReferenceTouches, tap_sigma_mm: float) -> _Fitted:
                 f"{DEGREE + 3} are needed: tap more points or add a scribble"
             )
     fit = fit_jointly(touches, _starting_point(given), tap_sigma_mm)
+    _refuse_misfits(given, fit)
     models = [
         AnglePolynomial(
             (float(position[0]), float(position[1])),
@@ -89,7 +98,27 @@ def _auto(given: ReferenceTouches, tap_sigma_mm: float) -> _Fitted:
             fit.positions_mm, fit.coefficients_rad, given.formats.values(), strict=True
         )
     ]
-    return models, np.where(fit.used, fit.residuals_mm, np.nan)
+    counted = fit.used | _known(touches)  # a tap that does not fit is part of the truth
+    return models, np.where(counted, fit.residuals_mm, np.nan)
+
+
+def _refuse_misfits(given: ReferenceTouches, fit: JointFit) -> None:
+    """Raise `CalibrationError` when too much had to be dropped: the fit is then of the priors."""
+    seen = np.isfinite(given.touches.columns_px).all(axis=2)
+    taps = seen & _known(given.touches)
+    kept = int(np.count_nonzero(fit.used & taps)) / max(int(np.count_nonzero(taps)), 1)
+    if kept < SMALLEST_SHARE_KEPT:
+        raise CalibrationError(
+            f"only {kept:.0%} of the taps fit together, {SMALLEST_SHARE_KEPT:.0%} are needed: "
+            "check the reference points (x and y exchanged? millimetres? the right frame sets? "
+            "the right diameter?) and which camera is in which corner"
+        )
+    for camera, count in zip(given.formats, fit.used.sum(axis=1).tolist(), strict=True):
+        if count < DEGREE + 3:
+            raise CalibrationError(
+                f"camera {camera}: only {count} of its touches fit the other cameras', "
+                f"{DEGREE + 3} are needed; is it in the corner of its name?"
+            )
 
 
 def _vanishing_point(

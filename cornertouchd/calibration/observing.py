@@ -50,11 +50,17 @@ def make_finders(
 def observe_touches(
     frame_sets: Iterable[Sequence[Frame]], finders: Mapping[str, ShadowFinder]
 ) -> FloatArray:
-    """Return the edges of one touch per frame set, (cameras, sets, 2) columns, NaN unseen."""
-    columns = [
-        [_edges_of_touch(finders[frame.camera].find(frame.pixels)) for frame in frames]
-        for frames in frame_sets
-    ]
+    """Return the edges of one touch per frame set, (cameras, sets, 2) columns, NaN unseen.
+
+    Cameras are in the order of `finders`.
+    """
+    columns = []
+    for frames in frame_sets:
+        edges = {
+            frame.camera: _edges_of_touch(finders[frame.camera].find(frame.pixels))
+            for frame in frames
+        }
+        columns.append([edges[camera] for camera in finders])
     shape = (len(columns), len(finders), 2)
     return np.array(columns, dtype=np.float64).reshape(shape).transpose(1, 0, 2)
 

@@ -1,5 +1,6 @@
 """`cornertouchd calibrate`: from recordings of taps to a calibration file."""
 
+import os
 from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -17,7 +18,7 @@ from cornertouchd.calibration.gathering import ReferenceTouches, Taps, gather_to
 from cornertouchd.calibration.joint_fit import TouchColumns
 from cornertouchd.calibration.methods import Stamp
 from cornertouchd.calibration.methods import calibrate as fit
-from cornertouchd.config import Settings, read_settings
+from cornertouchd.config import Settings, find_settings, read_settings
 from cornertouchd.devices.recording import RecordedPoint, Recording, open_recording, read_points
 
 
@@ -75,7 +76,8 @@ def calibrate(
     config_file: Path | None,
 ) -> None:
     """Calibrate from recordings and save the result."""
-    settings = read_settings(config_file) if config_file else Settings()
+    path = find_settings(config_file, os.environ)
+    settings = read_settings(path) if path else Settings()
     taps = open_recording(directory)
     points = read_points(points_file or directory / "points.csv")
     scribble = open_recording(scribble_directory) if scribble_directory else None
@@ -99,7 +101,13 @@ def _gather(
                 f"{other.directory}: its cameras or picture sizes are not those of "
                 f"{taps.directory}; record all parts with the same settings"
             )
-    known = Taps(taps, *_places(taps, points))
+    places, diameters = _places(taps, points)
+    tapped = np.isfinite(places).all(axis=1).tolist()
+    known = Taps(
+        (frames for frames, use in zip(taps, tapped, strict=True) if use),
+        places[tapped],
+        diameters[tapped],
+    )
     return gather_touches(
         taps.surface_mm, taps.formats, empty, known, scribble or (), settings.vision
     )
@@ -108,7 +116,7 @@ def _gather(
 def _places(taps: Recording, points: Sequence[RecordedPoint]) -> tuple[np.ndarray, np.ndarray]:
     """Return where each frame set was touched and with what diameter, NaN where unknown.
 
-    A frame set with several contacts counts as unknown: which shadow is whose cannot be told.
+    One with several contacts counts as unknown: which shadow is whose cannot be told.
     """
     places = np.full((len(taps), 2), np.nan)
     diameters = np.full(len(taps), np.nan)

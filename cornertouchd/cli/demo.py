@@ -55,7 +55,7 @@ def demo(
     clock = MonotonicClock()
     calibration = find_calibration(settings, os.environ)
     with StopSignal() as stop:
-        sink = make_tuio_sink(settings, f"demo {os.getpid()}")
+        sink = make_tuio_sink(settings, calibration.surface_mm, f"demo {os.getpid()}")
         daemon = Daemon(make_ports(settings, clock), calibration, [sink], settings, clock)
         click.echo(
             f"TUIO to {host}:{port}; see it with `cornertouchd listen`; Ctrl-C ends", err=True

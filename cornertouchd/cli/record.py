@@ -34,12 +34,12 @@ def record(directory: Path, seconds: float | None, notes: str, config_file: Path
     with (
         StopSignal() as stop,
         RecordingWriter(directory, surface_mm, settings.cameras.rate_hz, formats, notes) as writer,
-        closing(recorder.frame_sets()) as frame_sets,
     ):
+        click.echo(f"recording into {directory}; Ctrl-C ends", err=True)
         until_s = float("inf") if seconds is None else clock.now_s() + seconds
-        for frames in frame_sets:
-            writer.write(frames)
-            count += 1
-            if stop.wait(0.0) or clock.now_s() >= until_s:
-                break
+        over = lambda: stop.wait(0.0) or clock.now_s() >= until_s  # noqa: E731
+        with closing(recorder.frame_sets(over)) as frame_sets:
+            for frames in frame_sets:
+                writer.write(frames)
+                count += 1
     click.echo(f"{directory}: {count} frame sets, {recorder.dropped} frames left out", err=True)

@@ -77,14 +77,21 @@ def replay(
     if empty_directory:
         source.learn_background(mean_pictures(open_recording(empty_directory)))
     pace = speed if speed is not None else 1.0 if tuio else float("inf")
-    with _opened(output) as lines, StopSignal() as stop, _sinks(settings, tuio) as sinks:
+    with (
+        _opened(output) as lines,
+        StopSignal() as stop,
+        _sinks(settings, recording.surface_mm, tuio) as sinks,
+    ):
         contacts = count = 0
         for replayed in _paced(source, pace, sinks, stop):
             if lines is not None:
                 lines.write(json.dumps(_as_json(replayed)) + "\n")
             contacts += len(replayed.contacts)
             count += 1
-    click.echo(f"{count} frame sets, {contacts} contacts", err=True)
+        if count < len(recording):
+            raise click.ClickException(f"stopped after {count} of {len(recording)} frame sets")
+    refused = f", {source.refused_pictures} pictures refused" if source.refused_pictures else ""
+    click.echo(f"{count} frame sets, {contacts} contacts{refused}", err=True)
 
 
 def _settings(
@@ -125,8 +132,10 @@ def _opened(output: Path | None) -> Iterator[IO[str] | None]:
 
 
 @contextmanager
-def _sinks(settings: Settings, tuio: tuple[str, int] | None) -> Iterator[list[TouchSink]]:
-    sinks: list[TouchSink] = [make_tuio_sink(settings, "replay")] if tuio else []
+def _sinks(
+    settings: Settings, surface_mm: tuple[float, float], tuio: tuple[str, int] | None
+) -> Iterator[list[TouchSink]]:
+    sinks: list[TouchSink] = [make_tuio_sink(settings, surface_mm, "replay")] if tuio else []
     try:
         yield sinks
     finally:

@@ -34,7 +34,7 @@ def run(config_file: Path | None) -> None:
         daemon = Daemon(
             make_ports(settings, clock),
             calibration,
-            [make_tuio_sink(settings, config_name(path))],
+            [make_tuio_sink(settings, calibration.surface_mm, config_name(path))],
             settings,
             clock,
         )

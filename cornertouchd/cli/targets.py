@@ -14,7 +14,7 @@ class HostPort(click.ParamType[tuple[str, int]]):
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, int]:
         """Return host and port."""
-        found = re.fullmatch(r"\[?([^\s\[\]]+?)\]?:(\d{1,5})", str(value))
+        found = re.fullmatch(r"\[?([!-Z^-~]+?)\]?:(\d{1,5})", str(value))
         if found is None or not 1 <= int(found[2]) <= 65535:
             self.fail(f"{value!r} is not HOST:PORT, such as 127.0.0.1:3333", param, ctx)
         return found[1], int(found[2])

@@ -53,8 +53,24 @@ def find_contradictions(
         *_in_order(("vision", "paper"), vision.paper, "t2_px", "t3_px"),
         *_in_order(("pairing",), pairing, "tolerance_ms", "deadline_ms"),
         *_in_order(("crossing",), crossing, "smallest_radius_mm", "largest_radius_mm"),
+        *_destinations_told_once(tuio),
         *_displays_on_surface(surface, tuio),
     )
+
+
+def _destinations_told_once(tuio: TuioSettings) -> Iterator[Contradiction]:
+    first: dict[tuple[str, int], int] = {}
+    for number, to in enumerate(tuio.destinations):
+        before = first.setdefault((to.host, to.port), number)
+        if before != number:
+            yield Contradiction(
+                (
+                    ("tuio", "destinations", before, "port"),
+                    ("tuio", "destinations", number, "port"),
+                ),
+                f"[[tuio.destinations]] number {number + 1}: {to.host}:{to.port} is number "
+                f"{before + 1}, too; remove one of them",
+            )
 
 
 def _cameras_in_use(cameras: CamerasSettings) -> Iterator[Contradiction]:

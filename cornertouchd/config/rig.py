@@ -16,14 +16,14 @@ class SurfaceSettings(Table):
 
     width_mm: float = Field(
         350.0,
-        ge=20.0,
+        ge=100.0,
         le=10_000.0,
         description="Inner width of the frame, from the left to the right LED side. Measure it to "
         "the millimetre before calibrating.",
     )
     height_mm: float = Field(
         400.0,
-        ge=20.0,
+        ge=100.0,
         le=10_000.0,
         description="Inner height of the frame, from the top to the bottom LED side.",
     )
@@ -93,7 +93,7 @@ class CamerasSettings(Table):
     )
     height_px: int = Field(
         480,
-        ge=16,
+        ge=64,
         le=8192,
         description="Height of the full image. Change it only together with a new calibration.",
     )
@@ -176,7 +176,7 @@ class SimulationSettings(Table):
         le=2**32 - 1,
         description="Start of the random numbers. The same seed gives the same fingers and noise.",
     )
-    touches: int = Field(5, ge=0, le=32, description="Number of fingers that move at a time.")
+    touches: int = Field(5, ge=0, le=20, description="Number of fingers that move at a time.")
     speed: float = Field(
         1.0,
         ge=0.01,

@@ -180,8 +180,9 @@ class TrackingSettings(Table):
         2,
         ge=1,
         le=100,
-        description="Frames in a row in which a new contact must be seen before it is reported. "
-        "Each costs one frame of delay and refuses more false touches.",
+        description="Frames in a row in which a doubtful new contact must be seen, by three "
+        "cameras, before it is reported. Each costs it one frame of delay and refuses more false "
+        "touches. What is clear is reported at once.",
     )
     coast_frames: int = Field(
         2,

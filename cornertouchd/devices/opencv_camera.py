@@ -45,7 +45,8 @@ class OpenCvCameraPort:
 
     def open(self) -> "OpenCvCamera":
         """Open the device.  Raises `CameraError` if it is not there or has another size."""
-        capture = cv2.VideoCapture(self._device)
+        backend = cv2.CAP_V4L2 if self._device.startswith("/dev/") else cv2.CAP_ANY
+        capture = cv2.VideoCapture(self._device, backend)
         if not capture.isOpened():
             raise CameraError(
                 self._id,
@@ -88,10 +89,13 @@ class OpenCvCamera:
         self._sequence = 0
 
     def read(self, timeout_s: float) -> Frame | None:  # noqa: ARG002  OpenCV has its own timeout
-        """Return the next picture.  Raises `CameraError` when there is none."""
+        """Return the next picture, None if there is none: OpenCV does not tell why.
+
+        Raises `CameraError` when it has another size.
+        """
         ok, picture = self._capture.read()
         if not ok or picture is None:
-            raise CameraError(self._id, f"{self._device} gives no more pictures")
+            return None
         frame = Frame(
             self._id, self._sequence, self._captured_at_s(), None, self._band(_grey(picture))
         )

@@ -217,6 +217,10 @@ class FrameSetPairing:
     def _give_out(self, number: int) -> list[FrameSet]:
         """Return the oldest open sets, so many of them, and close them."""
         closed, self._open = self._open[:number], self._open[number:]
+        if len(self._cameras) > 1:
+            # One camera locates nothing, and one whose clock is ahead must not outdate the others.
+            self._count(dropped_observations=sum(len(one.observations) == 1 for one in closed))
+            closed = [waiting for waiting in closed if len(waiting.observations) > 1]
         if closed:
             self._last_given = closed[-1]
         for waiting in closed:

@@ -29,8 +29,9 @@ from cornertouchd.model import Contact, DirectingLines, FloatArray
 MOST_GROUPS = 200_000
 # The determinant of eq. 8 is the sum of the squared sines between its lines: 0.6 degrees for two.
 SMALLEST_DETERMINANT = 1e-4
-# Two lines cross exactly, whether or not something touches there.
-CONFIDENCE_OF_TWO_LINES = 0.5
+# Two lines cross exactly, whether or not something touches there: every other crossing is a ghost,
+# and the tracker must not take one for sure.
+CONFIDENCE_OF_TWO_LINES = 0.25
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,13 +37,16 @@ class _Track:
     """A touch, or what may become one: then `id` is 0.
 
     The variances and the covariance are those of position and velocity in each axis, in mm and
-    mm/s.  `seen` counts the frame sets that showed it, `missed` the last ones that did not.
+    mm/s.  `seen_x_mm` and `seen_y_mm` are where it was when it was seen last.  `seen` counts the
+    frame sets that showed it, `missed` the last ones that did not.
     """
 
     id: int
     reported_at_s: float
     x_mm: float
     y_mm: float
+    seen_x_mm: float
+    seen_y_mm: float
     vx_mm_s: float
     vy_mm_s: float
     position_variance: float
@@ -70,9 +73,9 @@ class Tracker:
     def update(self, captured_at_s: float, contacts: Sequence[Contact]) -> tuple[Touch, ...]:
         """Return the touches after a frame set with these contacts, by ascending id.
 
-        A touch is first reported where its contact was measured.  One that is not seen is carried
-        on for `coast_frames` frame sets before it ends.  When time does not advance, or leaps, all
-        touches end and the contacts become new ones.
+        A touch is first reported where its contact was measured.  One that is not seen rests where
+        it was last for `coast_frames` frame sets before it ends.  When time does not advance, or
+        leaps, all touches end and the contacts become new ones.
         """
         touching = [contact for contact in contacts if _can_be_a_touch(contact)]
         predicted = self._predicted(captured_at_s)
@@ -159,6 +162,8 @@ def _born(contact: Contact) -> _Track:
         reported_at_s=0.0,
         x_mm=contact.x_mm,
         y_mm=contact.y_mm,
+        seen_x_mm=contact.x_mm,
+        seen_y_mm=contact.y_mm,
         vx_mm_s=0.0,
         vy_mm_s=0.0,
         position_variance=_sigma_mm(contact) ** 2,
@@ -193,10 +198,14 @@ def _corrected(track: _Track, contact: Contact) -> _Track:
     velocity_gain = track.covariance / spread
     rest = 1.0 - gain
     dx, dy = contact.x_mm - track.x_mm, contact.y_mm - track.y_mm
+    x_mm = rest * track.x_mm + gain * contact.x_mm
+    y_mm = rest * track.y_mm + gain * contact.y_mm
     return replace(
         track,
-        x_mm=rest * track.x_mm + gain * contact.x_mm,
-        y_mm=rest * track.y_mm + gain * contact.y_mm,
+        x_mm=x_mm,
+        y_mm=y_mm,
+        seen_x_mm=x_mm,
+        seen_y_mm=y_mm,
         vx_mm_s=track.vx_mm_s + velocity_gain * dx,
         vy_mm_s=track.vy_mm_s + velocity_gain * dy,
         # Joseph's form, which holds for any gain
@@ -210,11 +219,12 @@ def _corrected(track: _Track, contact: Contact) -> _Track:
 
 
 def _touch(track: _Track, captured_at_s: float) -> Touch:
+    coasts = track.missed > 0
     return Touch(
         id=track.id,
-        x_mm=track.x_mm,
-        y_mm=track.y_mm,
-        vx_mm_s=track.vx_mm_s,
-        vy_mm_s=track.vy_mm_s,
+        x_mm=track.seen_x_mm,
+        y_mm=track.seen_y_mm,
+        vx_mm_s=0.0 if coasts else track.vx_mm_s,
+        vy_mm_s=0.0 if coasts else track.vy_mm_s,
         age_s=captured_at_s - track.reported_at_s,
     )

@@ -79,6 +79,8 @@ def solve_projection(points_mm: FloatArray, columns_px: FloatArray) -> Projectio
         )
     centre, spread = points_mm.mean(axis=0), points_mm.std()
     middle, extent = columns_px.mean(), columns_px.std()
+    if spread == 0.0 or extent == 0.0:
+        raise DegeneratePointsError("all reference points lie at one place: spread them out")
     x = np.column_stack([(points_mm - centre) / spread, np.ones(len(points_mm))])
     u = ((columns_px - middle) / extent)[:, None]
     _, singular, vectors = np.linalg.svd(np.hstack([x, -u * x]) / np.sqrt(len(x)))

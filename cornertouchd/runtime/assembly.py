@@ -5,7 +5,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from cornertouchd.calibration.calibration import Calibration
+from cornertouchd.calibration.calibration import Calibration, CalibrationError
 from cornertouchd.calibration.file import load_calibration
 from cornertouchd.config import CameraSettings, DestinationSettings, Settings
 from cornertouchd.devices.opencv_camera import OpenCvCameraPort
@@ -19,6 +19,9 @@ from cornertouchd.simulation.scripts import demo_script
 from cornertouchd.wire.mapping import DisplayMapping
 from cornertouchd.wire.tuio import default_source_name, seed_at
 
+SAME_SURFACE_MM = 0.5
+"""Two figures for the same surface, rounded by whoever measured."""
+
 
 def make_ports(settings: Settings, clock: Clock) -> tuple[CameraPort, ...]:
     """Return the cameras that the settings name."""
@@ -27,7 +30,8 @@ def make_ports(settings: Settings, clock: Clock) -> tuple[CameraPort, ...]:
         rig = make_rig(settings)
         surface_mm = (settings.surface.width_mm, settings.surface.height_mm)
         script = demo_script(surface_mm, settings.simulation.touches, settings.simulation.seed)
-        return rig_ports(rig, script, clock, cameras.rate_hz, settings.simulation.speed)
+        ports = rig_ports(rig, script, clock, cameras.rate_hz, settings.simulation.speed)
+        return tuple(port for port in ports if port.id in cameras.enabled_ids)
     return tuple(
         OpenCvCameraPort(
             camera_id,
@@ -54,7 +58,26 @@ def find_calibration(settings: Settings, environ: Mapping[str, str]) -> Calibrat
     """
     if settings.cameras.source == "simulated" and not settings.calibration.file:
         return calibrated_rig(settings, environ)
-    return load_calibration(calibration_file(settings, environ))
+    path = calibration_file(settings, environ)
+    calibration = load_calibration(path)
+    require_surface(
+        calibration, (settings.surface.width_mm, settings.surface.height_mm), "the configuration"
+    )
+    return calibration
+
+
+def require_surface(calibration: Calibration, surface_mm: tuple[float, float], whose: str) -> None:
+    """Raise `CalibrationError` unless a surface has the size that was calibrated."""
+    if any(
+        abs(ours - theirs) > SAME_SURFACE_MM
+        for ours, theirs in zip(calibration.surface_mm, surface_mm, strict=True)
+    ):
+        calibrated = "x".join(f"{side:g}" for side in calibration.surface_mm)
+        given = "x".join(f"{side:g}" for side in surface_mm)
+        raise CalibrationError(
+            f"the surface is {given} mm in {whose}, {calibrated} mm in the calibration; "
+            "correct surface.width_mm and height_mm, or calibrate again"
+        )
 
 
 def calibration_file(settings: Settings, environ: Mapping[str, str]) -> Path:
@@ -63,8 +86,13 @@ def calibration_file(settings: Settings, environ: Mapping[str, str]) -> Path:
     return Path(given) if given else state_directory(environ) / "calibration.json"
 
 
-def make_tuio_sink(settings: Settings, config_file: str) -> UdpTuioSink:
-    """Return the sink that tells all destinations; `config_file` tells two daemons apart."""
+def make_tuio_sink(
+    settings: Settings, surface_mm: tuple[float, float], config_file: str
+) -> UdpTuioSink:
+    """Return the sink that tells all destinations of touches on a surface of this size.
+
+    `config_file` tells two daemons on one machine apart.
+    """
     destinations = settings.tuio.destinations
     address = local_address(destinations[0].host) if destinations else "127.0.0.1"
     name = settings.tuio.source_name
@@ -75,21 +103,23 @@ def make_tuio_sink(settings: Settings, config_file: str) -> UdpTuioSink:
     )
     seed = seed_at(time.time())
     return UdpTuioSink(
-        [(to.host, to.port, display_mapping(settings, to)) for to in destinations],
+        [(to.host, to.port, display_mapping(surface_mm, to)) for to in destinations],
         source,
         seed,
         seed,
     )
 
 
-def display_mapping(settings: Settings, destination: DestinationSettings) -> DisplayMapping:
-    """Return where a destination's display lies on the surface."""
+def display_mapping(
+    surface_mm: tuple[float, float], destination: DestinationSettings
+) -> DisplayMapping:
+    """Return where a destination's display lies on a surface of this width and height."""
     left, top = destination.display_left_mm, destination.display_top_mm
     return DisplayMapping(
         left,
         top,
-        destination.display_width_mm or settings.surface.width_mm - left,
-        destination.display_height_mm or settings.surface.height_mm - top,
+        destination.display_width_mm or surface_mm[0] - left,
+        destination.display_height_mm or surface_mm[1] - top,
         destination.rotation_deg,
         destination.mirror,
     )

@@ -127,7 +127,7 @@ class CaptureThread:
             self._faults.fault("picture not understood", error, traceback_of=error)
             return False
         self._frames += 1
-        self._faults.recovered()
+        self._faults.good()
         self._box.put(frame.camera, observation)
         return True
 

@@ -2,6 +2,9 @@
 
 import logging
 
+GOOD_TO_RECOVER = 50
+"""Half a second of pictures without a fault ends it; what comes and goes faster is one fault."""
+
 
 class FaultLog:
     """Speaks about the faults of one part of the daemon, `name`.  Used by one thread."""
@@ -11,6 +14,7 @@ class FaultLog:
         self._name = name
         self._last_kind = ""
         self._in_a_row = 0
+        self._good_in_a_row = 0
         self.count = 0
 
     def fault(
@@ -22,15 +26,19 @@ class FaultLog:
         """
         self.count += 1
         self._in_a_row += 1
+        self._good_in_a_row = 0
         if kind != self._last_kind:
             self._last_kind = kind
             text = f"{self._name}: {kind}" + (f": {detail}" if str(detail) else "")
             self._log.error(text, exc_info=traceback_of)
 
-    def recovered(self) -> None:
-        """Log that the faults are over, and how many there were."""
-        if self._in_a_row:
+    def good(self) -> None:
+        """Count that it worked; after enough of that, log that the faults are over."""
+        if not self._in_a_row:
+            return
+        self._good_in_a_row += 1
+        if self._good_in_a_row >= GOOD_TO_RECOVER:
             faults = "1 fault" if self._in_a_row == 1 else f"{self._in_a_row} faults"
             self._log.warning("%s: works again after %s", self._name, faults)
-        self._in_a_row = 0
-        self._last_kind = ""
+            self._in_a_row = 0
+            self._last_kind = ""

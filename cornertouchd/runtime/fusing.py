@@ -22,6 +22,9 @@ CAMERAS_TO_REFUSE_GHOSTS = 3
 """Two cameras alone see four crossings where two fingers are; a third tells which are real.  A rig
 that has but two works with what they tell; one that lost two of four sends no touches."""
 
+SKIPPED_IN_A_ROW = 50
+"""Frame sets skipped one after the other until it is said: half a second at the usual rate."""
+
 
 @dataclass(frozen=True, slots=True)
 class FusionCounts:
@@ -63,10 +66,11 @@ class FusionThread:
         self._cameras: Sequence[str] = ()
         self._stop = threading.Event()
         self._faults = FaultLog("fusion")
+        self._pictures = FaultLog("frame sets")
         self._thread = threading.Thread(target=self._run, name="fusion", daemon=True)
         self._last_set_s: float | None = None
         self._begun: set[int] = set()
-        self._frame_sets = self._partial = self._skipped = 0
+        self._frame_sets = self._partial = self._skipped = self._skipped_in_a_row = 0
         self._touches_begun = self._touches_now = self._dropped = 0
 
     def start(self) -> None:
@@ -122,7 +126,7 @@ class FusionThread:
             if self._is_believed(frame_set, behind):
                 self._fuse(frame_set)
             else:
-                self._skipped += 1
+                self._skip(frame_set)
         if self._last_set_s is not None and now_s - self._last_set_s > SILENCE_S:
             self._lift(now_s)
         for sink in self._sinks:
@@ -138,17 +142,30 @@ class FusionThread:
     def _fuse(self, frame_set: FrameSet) -> None:
         contacts = self._pipeline.cross(frame_set)
         touches = self._pipeline.follow(frame_set, contacts)
-        self._faults.recovered()
+        self._faults.good()
+        self._pictures.good()
         now_s = self._clock.now_s()
         for sink in self._sinks:
             sink.send(TouchFrame(frame_set.captured_at_s, touches), now_s)
         self._last_set_s = now_s
         self._frame_sets += 1
+        self._skipped_in_a_row = 0
         self._partial += self._is_partial(frame_set)
         ids = {touch.id for touch in touches}
         self._touches_begun += len(ids - self._begun)
         self._begun = ids
         self._touches_now = len(ids)
+
+    def _skip(self, frame_set: FrameSet) -> None:
+        self._skipped += 1
+        self._skipped_in_a_row += 1
+        if self._skipped_in_a_row >= SKIPPED_IN_A_ROW:
+            seen = ", ".join(one.camera for one in frame_set.observations)
+            self._pictures.fault(
+                "too few cameras see the same instant, so no touches are told",
+                f"the last one was seen by {seen} only; are the others there, and all triggered "
+                "together? (pairing.tolerance_ms)",
+            )
 
     def _fell_behind(self) -> bool:
         """Tell whether the box dropped anything since the last step."""

@@ -3,7 +3,7 @@
 import queue
 import threading
 from collections import deque
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import replace
 
 from cornertouchd.model import Frame
@@ -11,6 +11,9 @@ from cornertouchd.ports import CameraError, CameraPort
 
 QUEUE_FRAMES = 400
 """Pictures that may wait for the disk: a second of four cameras at 100 Hz."""
+
+LOOK_S = 0.1
+"""How often it is looked whether to stop while no picture comes."""
 
 
 class FrameGrouping:
@@ -24,7 +27,7 @@ class FrameGrouping:
     def add(self, frame: Frame) -> list[tuple[Frame, ...]]:
         """Take a frame; return the sets that it completes, in the order of the cameras."""
         self._waiting[frame.camera].append(frame)
-        complete = []
+        complete: list[tuple[Frame, ...]] = []
         while all(self._waiting.values()):
             heads = [frames[0] for frames in self._waiting.values()]
             oldest = min(heads, key=lambda head: head.captured_at_s)
@@ -40,7 +43,8 @@ class FrameGrouping:
 class Recorder:
     """Reads all cameras, each in a thread of its own, and yields frame sets.
 
-    Raises `CameraError` as soon as one camera fails: a recording with a hole is no help.
+    Raises `CameraError` as soon as one camera fails, or when the cameras are not in step: a
+    recording with holes is no help.
     """
 
     def __init__(self, ports: Sequence[CameraPort], tolerance_s: float, timeout_s: float) -> None:
@@ -55,8 +59,8 @@ class Recorder:
         """Frames without fellows of the same instant."""
         return self._grouping.dropped
 
-    def frame_sets(self) -> Generator[tuple[Frame, ...]]:
-        """Yield frame sets until the caller stops; the cameras are closed then."""
+    def frame_sets(self, stop: Callable[[], bool]) -> Generator[tuple[Frame, ...]]:
+        """Yield frame sets until `stop()`, asked often; the cameras are closed then."""
         threads = [
             threading.Thread(target=self._read, args=(port,), name=f"record-{port.id}", daemon=True)
             for port in self._ports
@@ -64,11 +68,23 @@ class Recorder:
         for thread in threads:
             thread.start()
         try:
-            while True:
-                frame = self._arrived.get()
+            lonely = 0
+            while not stop():
+                try:
+                    frame = self._arrived.get(timeout=LOOK_S)
+                except queue.Empty:
+                    continue
                 if isinstance(frame, CameraError):
                     raise frame
-                yield from self._grouping.add(frame)
+                complete = self._grouping.add(frame)
+                lonely = 0 if complete else lonely + 1
+                if lonely > QUEUE_FRAMES:
+                    raise CameraError(
+                        frame.camera,
+                        "never sees the same instant as all the others: trigger the cameras "
+                        "together, or raise pairing.tolerance_ms",
+                    )
+                yield from complete
         finally:
             self._stop.set()
             for thread in threads:
@@ -87,6 +103,8 @@ class Recorder:
                 camera.close()
         except CameraError as error:
             self._put(error)
+        except Exception as error:  # noqa: BLE001  whatever a driver raises ends the recording
+            self._put(CameraError(port.id, f"reading failed: {error}"))
 
     def _put(self, arrived: Frame | CameraError) -> None:
         while not self._stop.is_set():

@@ -9,7 +9,8 @@ from cornertouchd.config import Settings
 from cornertouchd.devices.recording import Recording, RecordingError
 from cornertouchd.fusion.pairing import frame_set_of
 from cornertouchd.model import Contact, FloatArray, Frame, FrameSet, Touch
-from cornertouchd.pipeline import CameraPipeline, SurfacePipeline
+from cornertouchd.pipeline import CameraPipeline, PictureError, SurfacePipeline
+from cornertouchd.runtime.assembly import require_surface
 
 Runs = Sequence[tuple[int, int]]
 
@@ -49,7 +50,9 @@ class Replay:
             known = calibration.camera(camera)
             known.require_format(size)
             self._cameras[camera] = CameraPipeline(known, settings)
+        require_surface(calibration, recording.surface_mm, str(recording.directory))
         self._surface = SurfacePipeline(calibration, settings)
+        self.refused_pictures = 0
         self._backgrounds = self._backgrounds_by_set(empty_runs)
 
     def learn_background(self, empties: Mapping[str, FloatArray]) -> None:
@@ -69,7 +72,14 @@ class Replay:
             yield ReplayedSet(index, frame_set.captured_at_s, contacts, touches)
 
     def _observe(self, frames: Sequence[Frame]) -> FrameSet:
-        return frame_set_of(self._cameras[frame.camera].observe(frame) for frame in frames)
+        """Return what the cameras saw; a picture that is refused is counted and left out."""
+        seen = []
+        for frame in frames:
+            try:
+                seen.append(self._cameras[frame.camera].observe(frame))
+            except PictureError:
+                self.refused_pictures += 1
+        return frame_set_of(seen) if seen else FrameSet(frames[0].captured_at_s, ())
 
     def _backgrounds_by_set(self, runs: Runs) -> dict[int, Mapping[str, FloatArray]]:
         """Return the mean empty pictures of every run, by the frame set where it begins."""

@@ -67,6 +67,12 @@ class ProfileSampler:
         return float(np.clip(np.median(uncovered), *GAIN_RANGE))
 
 
+def shows_strip(strip: Strip, empty: FloatArray, settings: VisionSettings) -> bool:
+    """Tell whether at least half of the strip's columns are lit in mean empty pictures."""
+    known = ProfileSampler(strip, empty, settings).known
+    return 2 * int(np.count_nonzero(known)) >= int(np.count_nonzero(strip.visible))
+
+
 def _horizon_taps(strip: Strip, rows_px: int, band: float) -> tuple[np.ndarray, FloatArray]:
     """Return flat pixel indices and weights, (taps, width_px), that average the horizon band."""
     width = len(strip.horizon_px)

@@ -1,6 +1,8 @@
 """The commands as their users run them: what they print, how they end, what reaches a client."""
 
+import csv
 import json
+import math
 import os
 import shutil
 import signal
@@ -88,7 +90,7 @@ def test_run_sends_touches_and_stops_clean(
         daemon.send_signal(number)
         client.read_until(lambda: client.touches == 0)
         assert daemon.wait(timeout=10) == 0
-        assert time.monotonic() - began < 1.5
+        assert time.monotonic() - began < 1.2  # a second for the daemon, the rest for Python
     finally:
         daemon.kill()
         _, messages = daemon.communicate()
@@ -108,7 +110,7 @@ def test_demo_ends_by_itself(client: Client, environment: dict[str, str]) -> Non
     assert "frame sets/s" in messages
 
 
-def test_what_is_recorded_can_be_calibrated_against_and_replayed(
+def test_what_is_recorded_can_be_replayed(
     client: Client, tmp_path: Path, environment: dict[str, str]
 ) -> None:
     config = tmp_path / "rig.toml"
@@ -122,7 +124,8 @@ def test_what_is_recorded_can_be_calibrated_against_and_replayed(
         check=True,
     )
     assert "frame sets" in done.stderr
-    start("demo", "--seconds", "0.1", environment=environment).communicate(timeout=60)
+    demo = ["demo", "--seconds", "0.1", "--tuio", f"127.0.0.1:{client.port}"]
+    start(*demo, environment=environment).communicate(timeout=60)
     (calibration,) = Path(environment["HOME"]).glob(".cache/cornertouchd/simulated-*.json")
     output = tmp_path / "touches.jsonl"
     result = invoke("replay", recording, "--calibration", calibration, "--output", output)
@@ -140,6 +143,70 @@ def test_replay_to_a_client_lifts_at_its_end(
     result = invoke("replay", *arguments, "--tuio", f"127.0.0.1:{client.port}", "--speed", "max")
     assert result.exit_code == 0, result.output
     client.read_until(lambda: client.added >= 2 and client.touches == 0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_record_ends_with_a_whole_recording(
+    number: signal.Signals, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    config = tmp_path / "rig.toml"
+    config.write_text(SIMULATED.format(port=9))
+    recorder = start("record", tmp_path / "taken", "--config", config, environment=environment)
+    assert recorder.stderr is not None
+    assert "Ctrl-C ends" in recorder.stderr.readline()
+    recorder.send_signal(number)
+    _, messages = recorder.communicate(timeout=30)
+    assert recorder.returncode == 0, messages
+    assert json.loads((tmp_path / "taken" / "recording.json").read_text())["complete"]
+
+
+def test_a_replay_that_is_stopped_lifts_and_writes_nothing(
+    client: Client,
+    recordings: Path,
+    calibration_file: Path,
+    tmp_path: Path,
+    environment: dict[str, str],
+) -> None:
+    output = tmp_path / "contacts.jsonl"
+    arguments = [recordings / "multi02_small", "--calibration", calibration_file]
+    arguments += ["--tuio", f"127.0.0.1:{client.port}", "--speed", "0.01", "--output", output]
+    process = start("replay", *arguments, environment=environment)
+    client.read_until(lambda: client.touches == 2)
+    process.send_signal(signal.SIGTERM)
+    client.read_until(lambda: client.touches == 0)
+    _, messages = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert "stopped after" in messages
+    assert not output.exists()
+
+
+def test_reference_points_that_do_not_fit_are_refused_and_nothing_saved(
+    recordings: Path, tmp_path: Path
+) -> None:
+    points = tmp_path / "points.csv"
+    rows = (recordings / "calib_few_small" / "points.csv").read_text().splitlines()
+    mirrored = [row.split(",") for row in rows[1:]]
+    lines = [f"{k},{350 - float(x)},{y},{d}" for k, x, y, d in mirrored]
+    points.write_text("\n".join([rows[0], *lines]) + "\n")
+    output = tmp_path / "calibration.json"
+    result = invoke(
+        "calibrate",
+        *("--recording", recordings / "calib_few_small", "--empty", recordings / "empty_small"),
+        *("--points", points, "--output", output),
+    )
+    assert result.exit_code == 1
+    assert "check the reference points" in result.stderr
+    assert not output.exists()
+
+
+def test_a_configuration_of_another_surface_is_refused(
+    calibration_file: Path, tmp_path: Path
+) -> None:
+    config = tmp_path / "kiosk.toml"
+    config.write_text(f"[surface]\nwidth_mm = 2400.0\n[calibration]\nfile = '{calibration_file}'\n")
+    result = invoke("run", "--config", config)
+    assert result.exit_code == 1
+    assert "2400x400 mm in the configuration, 350x400 mm in the calibration" in result.stderr
 
 
 def test_an_unknown_key_is_named_with_the_nearest_known_one(tmp_path: Path) -> None:
@@ -229,18 +296,24 @@ def test_wrong_usage_ends_with_2(arguments: list[str]) -> None:
     assert invoke(*arguments).exit_code == 2
 
 
-def test_empty_sets_give_the_background(
-    recordings: Path, calibration_file: Path, tmp_path: Path
+@pytest.mark.parametrize("option", ["--empty", "--empty-sets"])
+def test_the_background_can_be_given_anew(
+    option: str, recordings: Path, calibration_file: Path, tmp_path: Path
 ) -> None:
-    output = tmp_path / "contacts.jsonl"
-    result = invoke(
-        "replay",
-        recordings / "empty_small",
-        *("--calibration", calibration_file, "--independent"),
-        *("--empty-sets", "0-2,5-6", "--output", output),
-    )
-    assert result.exit_code == 0, result.output
-    assert len(output.read_text().splitlines()) == 8
+    """Measured against frame sets that show its own finger, a recording shows no finger."""
+    recording = recordings / "single_small"
+    value = recording if option == "--empty" else "0-0"
+    arguments = [recording, "--calibration", calibration_file, "--independent"]
+    outputs = {}
+    for name, more in (("before", []), ("after", [option, value])):
+        output = tmp_path / f"{name}.jsonl"
+        result = invoke("replay", *arguments, *more, "--output", output)
+        assert result.exit_code == 0, result.output
+        outputs[name] = [json.loads(line)["contacts"] for line in output.read_text().splitlines()]
+    assert len(outputs["before"][0]) == 1
+    assert outputs["before"] != outputs["after"]
+    if option == "--empty-sets":
+        assert outputs["after"][0] == []
 
 
 def test_vanishing_point_calibrates_too(
@@ -256,3 +329,13 @@ def test_vanishing_point_calibrates_too(
     arguments = ["--calibration", calibration, "--independent", "--output", output]
     result = invoke("replay", whole_recordings / "single_small", *arguments)
     assert result.exit_code == 0, result.output
+    lines = [json.loads(line)["contacts"] for line in output.read_text().splitlines()]
+    with (whole_recordings / "single_small" / "truth.csv").open(newline="") as file:
+        truth = list(csv.DictReader(file))
+    off_mm = [
+        math.dist((c["x_mm"], c["y_mm"]), (float(t["section_x_mm"]), float(t["section_y_mm"])))
+        for contacts, t in zip(lines, truth, strict=True)
+        for c in contacts
+    ]
+    assert len(off_mm) >= 0.8 * len(truth)
+    assert sorted(off_mm)[len(off_mm) // 2] < 6.0  # barrel lenses: the paper's pinhole bends

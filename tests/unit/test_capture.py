@@ -120,8 +120,8 @@ def test_pictures_become_observations(run) -> None:
 
 def test_a_camera_that_vanishes_is_opened_again(run, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
-        thread, port, _ = run(["good", "gone", "good", "good"])
-    assert thread.counts().frames == 3
+        thread, port, _ = run(["good", "gone"] + ["good"] * 60)
+    assert thread.counts().frames == 61
     assert port.opened == 2
     assert port.closed == 1
     assert "camera C1: lost: gone" in caplog.text
@@ -166,3 +166,10 @@ def test_it_stops_when_told(run) -> None:
     port.released.set()
     thread.join(5.0)
     assert (port.opened, port.closed) == (1, 1)
+
+
+def test_a_fault_that_comes_and_goes_is_logged_once(run, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        thread, _, _ = run(["good", "garbage"] * 30)
+    assert thread.counts().faults == 30
+    assert len(caplog.records) == 1

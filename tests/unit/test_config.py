@@ -56,7 +56,7 @@ class TestTheShippedFile:
         assert written == expected
 
     def test_tells_bounds_and_unit(self):
-        assert "# Allowed: a number from 20.0 to 10000.0 mm.\n#width_mm = 350.0" in (
+        assert "# Allowed: a number from 100.0 to 10000.0 mm.\n#width_mm = 350.0" in (
             render_default_toml()
         )
 

@@ -69,7 +69,7 @@ class TestErrors:
     )
     def test_other_types_are_refused_not_converted(self, errors_of, line, shown):
         assert errors_of(f"[surface]\n{line}\n") == [
-            f"[surface] width_mm = {shown}: must be a number from 20.0 to 10000.0 mm"
+            f"[surface] width_mm = {shown}: must be a number from 100.0 to 10000.0 mm"
         ]
 
     @pytest.mark.parametrize("value", ["45", "90.0", "false", '"90"'])
@@ -203,17 +203,22 @@ class TestContradictions:
     @pytest.mark.parametrize("display", [(350.0, 0.0), (0.0, 350.1), (100.0, 250.1)])
     def test_displays_beyond_the_surface_are_refused(self, errors_of, display):
         (line,) = errors_of(
-            f"[[tuio.destinations]]\n[[tuio.destinations]]\ndisplay_left_mm = {display[0]}\n"
+            "[[tuio.destinations]]\nport = 3334\n"
+            f"[[tuio.destinations]]\ndisplay_left_mm = {display[0]}\n"
             f"display_width_mm = {display[1]}\n"
         )
         assert line.startswith(f"[[tuio.destinations]] number 2: display_left_mm = {display[0]}")
         assert "[surface] width_mm = 350.0" in line
 
+    def test_a_destination_that_is_told_twice_is_refused(self, errors_of):
+        (line,) = errors_of("[[tuio.destinations]]\n[[tuio.destinations]]\nmirror = true\n")
+        assert "number 2: 127.0.0.1:3333 is number 1, too" in line
+
     def test_decimal_fractions_that_fill_the_surface_fit(self, read):
-        assert 10.1 + 16.1 > 26.2  # the sum that must not matter
+        assert 256.1 + 100.1 > 356.2  # the sum that must not matter
         read(
-            "[surface]\nheight_mm = 26.2\n"
-            "[[tuio.destinations]]\ndisplay_top_mm = 10.1\ndisplay_height_mm = 16.1\n"
+            "[surface]\nheight_mm = 356.2\n"
+            "[[tuio.destinations]]\ndisplay_top_mm = 256.1\ndisplay_height_mm = 100.1\n"
         )
 
     @pytest.mark.parametrize(

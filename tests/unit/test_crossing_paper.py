@@ -130,7 +130,7 @@ def test_a_shadow_with_only_one_edge_has_no_centre() -> None:
 def test_two_cameras_cross_on_the_surface_only() -> None:
     (contact,) = paper().cross(lines_to([(120.0, 90.0)], "C1 C2"))
     assert places((contact,))[0] == pytest.approx((120.0, 90.0))
-    assert contact.confidence == 0.5
+    assert contact.confidence < 0.5  # not sure enough to begin a touch at once
     assert paper().cross(lines_to([(120.0, 600.0)], "C1 C2")) == ()
 
 

@@ -123,9 +123,30 @@ def test_a_picture_that_comes_after_its_set_is_dropped_and_counted(
 def test_the_same_picture_twice_is_dropped_and_counted(pairing: FrameSetPairing) -> None:
     pairing.add(seen("C1", 1.0), 5.0)
     pairing.add(seen("C1", 1.0), 5.0)
+    pairing.add(seen("C2", 1.0), 5.0)
     (frame_set,) = pairing.due(6.0)
-    assert cameras_of(frame_set) == ("C1",)
+    assert cameras_of(frame_set) == ("C1", "C2")
     assert pairing.counts.dropped_observations == 1
+
+
+def test_one_camera_alone_makes_no_frame_set(pairing: FrameSetPairing) -> None:
+    pairing.add(seen("C1", 1.0), 5.0)
+    assert pairing.due(6.0) == []
+    assert pairing.counts.dropped_observations == 1
+
+
+@pytest.mark.parametrize("ahead_s", [0.02, 0.05, 1.0])
+def test_a_camera_whose_clock_is_ahead_does_not_silence_the_others(
+    pairing: FrameSetPairing, ahead_s: float
+) -> None:
+    sets = []
+    for tick in range(100):
+        now_s = 50.0 + 0.01 * tick
+        sets += pairing.add(seen("C1", 0.01 * tick + ahead_s), now_s)
+        for camera in ("C2", "C3", "C4"):
+            sets += pairing.add(seen(camera, 0.01 * tick), now_s)
+        sets += pairing.due(now_s + 0.009)
+    assert sum({"C2", "C3", "C4"} <= set(cameras_of(one)) for one in sets) > 90
 
 
 def test_a_picture_without_a_time_is_dropped_and_counted(pairing: FrameSetPairing) -> None:

@@ -46,7 +46,7 @@ def rig() -> SimulatedRig:
 
 def test_a_rig_is_recorded_whole(rig: SimulatedRig) -> None:
     ports = rig_ports(rig, lambda _: (), MonotonicClock(), rate_hz=50.0)
-    sets = Recorder(ports, tolerance_s=0.004, timeout_s=2.0).frame_sets()
+    sets = Recorder(ports, tolerance_s=0.004, timeout_s=2.0).frame_sets(lambda: False)
     got = [next(sets) for _ in range(4)]
     sets.close()
     for frames in got:
@@ -59,4 +59,17 @@ def test_a_camera_that_stalls_ends_the_recording_by_name(rig: SimulatedRig) -> N
     ports = rig_ports(rig, lambda _: (), MonotonicClock(), rate_hz=50.0)
     ports[2].fault = Fault.STALLED
     with pytest.raises(CameraError, match="C3"):
-        next(Recorder(ports, tolerance_s=0.004, timeout_s=0.2).frame_sets())
+        next(Recorder(ports, tolerance_s=0.004, timeout_s=0.2).frame_sets(lambda: False))
+
+
+def test_it_stops_when_asked_though_no_set_was_ever_whole(rig: SimulatedRig) -> None:
+    ports = rig_ports(rig, lambda _: (), MonotonicClock(), rate_hz=50.0)
+    asked = iter([False] * 5)
+    sets = Recorder(ports, tolerance_s=-1.0, timeout_s=2.0).frame_sets(lambda: next(asked, True))
+    assert list(sets) == []
+
+
+def test_cameras_out_of_step_end_the_recording(rig: SimulatedRig) -> None:
+    ports = rig_ports(rig, lambda _: (), MonotonicClock(), rate_hz=500.0)
+    with pytest.raises(CameraError, match="never sees the same instant"):
+        list(Recorder(ports, tolerance_s=-1.0, timeout_s=2.0).frame_sets(lambda: False))

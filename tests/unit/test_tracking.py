@@ -101,7 +101,9 @@ def test_a_dropout_of_up_to_two_frame_sets_keeps_id_and_report(
         path[n] = []
     reports = follow(tracker, path)
     assert ids(reports) == [[1]] * 20
-    assert reports[10][0].x_mm == pytest.approx(70.0, abs=0.5)
+    assert reports[10][0].x_mm == pytest.approx(65.0, abs=0.5)  # where it was seen last
+    assert reports[10][0].vx_mm_s == 0.0
+    assert reports[10 + missing][0].x_mm == pytest.approx(70.0 + 5.0 * missing, abs=0.5)
     ages_s = [touches[0].age_s for touches in reports]
     assert ages_s == sorted(ages_s)
 
