@@ -26,11 +26,16 @@ from cornertouchd.model import FloatArray, PictureFormat
 FORMAT = "cornertouchd-calibration"
 VERSION = 1
 
+SMALLEST_DETERMINANT = 1e-12
+"""A projection is normalised; under this it maps the surface to a point."""
+
 GREY_SCALE = 256
 """The mean empty picture is kept in 1/256 grey levels, as a 16-bit PNG that any viewer shows."""
 
+_Place = Annotated[FiniteFloat, Field(ge=-100_000.0, le=100_000.0)]
+_Side = Annotated[FiniteFloat, Field(ge=20.0, le=100_000.0)]
 _Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
-_Point = tuple[FiniteFloat, FiniteFloat]
+_Point = tuple[_Place, _Place]
 
 
 class _Part(BaseModel):
@@ -70,7 +75,7 @@ class _File(_Part):
     method: Method
     created_at: str
     software: str
-    surface_mm: _Point
+    surface_mm: tuple[_Side, _Side]
     reference_points: int
     residual_mm: FiniteFloat
     cameras: tuple[_Camera, ...] = Field(min_length=2)
@@ -100,7 +105,7 @@ def load_calibration(path: Path) -> Calibration:
         raise CalibrationError(f"{path}: no calibration is there; {remedy}") from None
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise CalibrationError(
             f"{path}: not a whole JSON file ({error}); restore {path.name}.previous or {remedy}"
         ) from None
@@ -191,6 +196,8 @@ def _camera_from_file(camera: _Camera) -> CameraCalibration:
         )
     else:
         model = Projection(camera.model.matrix, camera.model.towards_mm)
+        if abs(np.linalg.det(np.array(camera.model.matrix)[:, :2])) < SMALLEST_DETERMINANT:
+            raise CalibrationError(f"camera {camera.id}: its projection is singular")
     empty = _from_png(camera.empty_png)
     if empty is None or empty.shape != (size.rows_px, size.width_px):
         raise CalibrationError(f"camera {camera.id}: its empty picture is damaged")

@@ -18,6 +18,7 @@ from cornertouchd.calibration.gathering import ReferenceTouches, Taps, gather_to
 from cornertouchd.calibration.joint_fit import TouchColumns
 from cornertouchd.calibration.methods import Stamp
 from cornertouchd.calibration.methods import calibrate as fit
+from cornertouchd.cli.targets import FiniteRange
 from cornertouchd.config import Settings, find_settings, read_settings
 from cornertouchd.devices.recording import RecordedPoint, Recording, open_recording, read_points
 
@@ -59,7 +60,7 @@ from cornertouchd.devices.recording import RecordedPoint, Recording, open_record
 )
 @click.option(
     "--tap-sigma-mm",
-    type=click.FloatRange(0.01, 20.0),
+    type=FiniteRange(0.01, 20.0),
     default=0.5,
     show_default=True,
     help="How far taps are off their places (standard deviation).",

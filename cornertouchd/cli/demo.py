@@ -4,7 +4,7 @@ import os
 
 import click
 
-from cornertouchd.cli.targets import HostPort
+from cornertouchd.cli.targets import FiniteRange, HostPort
 from cornertouchd.cli.working import log_to_stderr, work
 from cornertouchd.config import (
     CamerasSettings,
@@ -20,7 +20,7 @@ from cornertouchd.runtime.stop_signal import StopSignal
 
 
 @click.command()
-@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="End by itself.")
+@click.option("--seconds", type=FiniteRange(min=0, min_open=True), help="End by itself.")
 @click.option(
     "--touches", type=click.IntRange(0, 20), default=5, show_default=True, help="Moving fingers."
 )
@@ -31,7 +31,7 @@ from cornertouchd.runtime.stop_signal import StopSignal
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
 @click.option(
     "--speed",
-    type=click.FloatRange(0.01, 100),
+    type=FiniteRange(0.01, 100),
     default=1.0,
     show_default=True,
     help="How fast the fingers move.",
@@ -55,7 +55,7 @@ def demo(
     clock = MonotonicClock()
     calibration = find_calibration(settings, os.environ)
     with StopSignal() as stop:
-        sink = make_tuio_sink(settings, calibration.surface_mm, f"demo {os.getpid()}")
+        sink = make_tuio_sink(settings, calibration.surface_mm, "demo")
         daemon = Daemon(make_ports(settings, clock), calibration, [sink], settings, clock)
         click.echo(
             f"TUIO to {host}:{port}; see it with `cornertouchd listen`; Ctrl-C ends", err=True

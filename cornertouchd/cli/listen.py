@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.live import Live
 
 from cornertouchd.cli.monitor_view import THEME, MonitorView
+from cornertouchd.cli.targets import FiniteRange
 from cornertouchd.wire.tuio_reader import TouchEvent, TuioReader
 
 # Smooth to the eye; a screen of 140 x 40 takes 11 ms to draw, so a fifth of one core.
@@ -31,7 +32,7 @@ PICTURE_COLUMNS, PICTURE_ROWS = 116, 30
     "--port", default=3333, show_default=True, type=click.IntRange(1, 65535), help="UDP port."
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option("--seconds", type=click.FloatRange(min=0.0), help="End after so long.")
+@click.option("--seconds", type=FiniteRange(min=0.0), help="End after so long.")
 @click.option("--plain", is_flag=True, help="One line per event, for pipes.")
 @click.option(
     "--svg",

@@ -1,11 +1,13 @@
 """`cornertouchd record`: pictures of the configured cameras into a recording."""
 
+import math
 import os
 from contextlib import closing
 from pathlib import Path
 
 import click
 
+from cornertouchd.cli.targets import FiniteRange
 from cornertouchd.config import Settings, find_settings, read_settings
 from cornertouchd.devices.recording_writer import RecordingWriter
 from cornertouchd.runtime.assembly import make_ports
@@ -16,7 +18,7 @@ from cornertouchd.runtime.stop_signal import StopSignal
 
 @click.command()
 @click.argument("directory", type=click.Path(path_type=Path))
-@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="End by itself.")
+@click.option("--seconds", type=FiniteRange(min=0, min_open=True), help="End by itself.")
 @click.option("--notes", default="", help="What is recorded; kept with it.")
 @click.option("--config", "config_file", type=click.Path(path_type=Path), help="Settings.")
 def record(directory: Path, seconds: float | None, notes: str, config_file: Path | None) -> None:
@@ -36,10 +38,13 @@ def record(directory: Path, seconds: float | None, notes: str, config_file: Path
         RecordingWriter(directory, surface_mm, settings.cameras.rate_hz, formats, notes) as writer,
     ):
         click.echo(f"recording into {directory}; Ctrl-C ends", err=True)
-        until_s = float("inf") if seconds is None else clock.now_s() + seconds
-        over = lambda: stop.wait(0.0) or clock.now_s() >= until_s  # noqa: E731
-        with closing(recorder.frame_sets(over)) as frame_sets:
+        until_s = math.inf  # counted from the first frame set: cameras take a while to start
+        with closing(
+            recorder.frame_sets(lambda: stop.wait(0.0) or clock.now_s() >= until_s)
+        ) as frame_sets:
             for frames in frame_sets:
+                if count == 0 and seconds is not None:
+                    until_s = clock.now_s() + seconds
                 writer.write(frames)
                 count += 1
     click.echo(f"{directory}: {count} frame sets, {recorder.dropped} frames left out", err=True)

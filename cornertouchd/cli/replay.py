@@ -19,6 +19,7 @@ from cornertouchd.model import TouchFrame
 from cornertouchd.ports import TouchSink
 from cornertouchd.runtime.assembly import make_tuio_sink
 from cornertouchd.runtime.clock import MonotonicClock
+from cornertouchd.runtime.fusing import SILENCE_S
 from cornertouchd.runtime.replaying import Replay, ReplayedSet
 from cornertouchd.runtime.stop_signal import StopSignal
 
@@ -40,7 +41,9 @@ TICK_S = 0.02
 @click.option(
     "--empty-sets", "empty_runs", type=SetRuns(), help="Empty frame sets of DIRECTORY: 0-7,24-27."
 )
-@click.option("--output", type=click.Path(path_type=Path), help="JSON lines; - is stdout.")
+@click.option(
+    "--output", type=click.Path(path_type=Path, dir_okay=False), help="JSON lines; - is stdout."
+)
 @click.option("--tuio", type=HostPort(), help="TUIO client to send the touches to.")
 @click.option("--speed", type=Speed(), help="Factor, or max.  Default: 1 with --tuio, else max.")
 @click.option("--crossing", type=click.Choice(["default", "paper"]), help="Overrides the settings.")
@@ -119,6 +122,12 @@ def _opened(output: Path | None) -> Iterator[IO[str] | None]:
         yield None
     elif str(output) == "-":
         yield sys.stdout
+    elif output.exists() and not output.is_file():  # a pipe or a device: nothing to replace
+        try:
+            with output.open("w") as stream:
+                yield stream
+        except OSError as error:
+            raise click.ClickException(f"{output}: cannot be written: {error.strerror}") from error
     else:
         partial = output.with_name(output.name + ".partial")
         try:
@@ -152,8 +161,11 @@ def _paced(
     for replayed in source:
         first_s = replayed.captured_at_s if first_s is None else first_s
         due_s = began_s + (replayed.captured_at_s - first_s) / pace
+        told_s = clock.now_s()
         while not stop.wait(min(TICK_S, max(0.0, due_s - clock.now_s()))):
             for sink in sinks:
+                if clock.now_s() - told_s > SILENCE_S:
+                    sink.lift_all(clock.now_s())
                 sink.tick(clock.now_s())
             if clock.now_s() >= due_s:
                 break

@@ -1,8 +1,22 @@
 """Words of the command line that stand for values."""
 
+import math
 import re
 
 import click
+
+
+class FiniteRange(click.FloatRange):
+    """A number within bounds; not NaN, which is within all of them."""
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the number."""
+        number = float(super().convert(str(value), param, ctx))  # type: ignore[arg-type]
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number", param, ctx)
+        return number
 
 
 class HostPort(click.ParamType[tuple[str, int]]):

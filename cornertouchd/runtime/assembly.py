@@ -3,6 +3,7 @@
 import socket
 import time
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 from cornertouchd.calibration.calibration import Calibration, CalibrationError
@@ -13,9 +14,9 @@ from cornertouchd.devices.udp import UdpTuioSink, local_address
 from cornertouchd.model import PictureFormat
 from cornertouchd.ports import CameraPort, Clock
 from cornertouchd.runtime.places import state_directory
-from cornertouchd.runtime.simulated_rig import calibrated_rig, make_rig
-from cornertouchd.simulation.camera import rig_ports
-from cornertouchd.simulation.scripts import demo_script
+from cornertouchd.runtime.simulated_rig import calibrated_rig, make_rig, make_show
+from cornertouchd.simulation.camera import painted_ports
+from cornertouchd.simulation.painting import PaintingProcess
 from cornertouchd.wire.mapping import DisplayMapping
 from cornertouchd.wire.tuio import default_source_name, seed_at
 
@@ -27,11 +28,11 @@ def make_ports(settings: Settings, clock: Clock) -> tuple[CameraPort, ...]:
     """Return the cameras that the settings name."""
     cameras = settings.cameras
     if cameras.source == "simulated":
-        rig = make_rig(settings)
-        surface_mm = (settings.surface.width_mm, settings.surface.height_mm)
-        script = demo_script(surface_mm, settings.simulation.touches, settings.simulation.seed)
-        ports = rig_ports(rig, script, clock, cameras.rate_hz, settings.simulation.speed)
-        return tuple(port for port in ports if port.id in cameras.enabled_ids)
+        formats = make_rig(settings).formats
+        used = {camera: formats[camera] for camera in formats if camera in cameras.enabled_ids}
+        painting = PaintingProcess(partial(make_show, settings), used)
+        paints = {camera: painting.painter(camera) for camera in used}
+        return painted_ports(used, paints, clock, cameras.rate_hz, settings.simulation.speed)
     return tuple(
         OpenCvCameraPort(
             camera_id,

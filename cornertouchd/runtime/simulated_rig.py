@@ -19,7 +19,12 @@ from cornertouchd.model import Frame
 from cornertouchd.runtime.places import cache_directory
 from cornertouchd.simulation.fingers import Finger
 from cornertouchd.simulation.rig import SimulatedRig
-from cornertouchd.simulation.scripts import calibration_taps, scribble
+from cornertouchd.simulation.scripts import (
+    Script,
+    calibration_taps,
+    demo_script,
+    scribble,
+)
 
 EMPTY_SETS = 16
 SCRIBBLE_TOUCHES = 120
@@ -45,6 +50,13 @@ def make_rig(settings: Settings) -> SimulatedRig:
         height_px=settings.cameras.height_px,
         seed=settings.simulation.seed,
     )
+
+
+def make_show(settings: Settings) -> tuple[SimulatedRig, Script]:
+    """Return the simulated rig, and the fingers that move on it."""
+    rig = make_rig(settings)
+    fingers = settings.simulation.touches
+    return rig, demo_script(rig.surface_mm, fingers, settings.simulation.seed)
 
 
 def calibrated_rig(settings: Settings, environ: Mapping[str, str]) -> Calibration:

@@ -1,5 +1,6 @@
 """Simulated cameras behind the camera port, paced by a clock, with faults at will."""
 
+from collections.abc import Mapping
 from enum import Enum, auto
 from math import ceil, floor
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from cornertouchd.model import Frame, Picture, PictureFormat
 from cornertouchd.ports import CameraError, Clock
+from cornertouchd.simulation.painting import Paint, painter
 from cornertouchd.simulation.rig import ALL_SIDES_LIT, SimulatedRig
 from cornertouchd.simulation.scripts import Script
 
@@ -36,8 +38,8 @@ class SimulatedCameraPort:
     def __init__(
         self,
         camera_id: str,
-        rig: SimulatedRig,
-        script: Script,
+        picture_format: PictureFormat,
+        paint: Paint,
         clock: Clock,
         start_s: float,
         rate_hz: float = 100.0,
@@ -47,8 +49,8 @@ class SimulatedCameraPort:
             raise ValueError(f"camera {camera_id}: rate_hz is {rate_hz:g}; give one above 0")
         self.fault = Fault.NONE
         self._id = camera_id
-        self._rig = rig
-        self._script = script
+        self._format = picture_format
+        self._paint = paint
         self._clock = clock
         self._start_s = start_s
         self._rate_hz = rate_hz
@@ -62,7 +64,7 @@ class SimulatedCameraPort:
     @property
     def format(self) -> PictureFormat:
         """Size and rows of the pictures that it gives."""
-        return self._rig.formats[self._id]
+        return self._format
 
     def open(self) -> "SimulatedCamera":
         """Open the camera.  Raises `CameraError` while it is unplugged."""
@@ -96,8 +98,7 @@ class SimulatedCameraPort:
         if self.fault is Fault.GARBLED:
             size = (self.format.rows_px, self.format.width_px)
             return np.random.default_rng(index).integers(0, 256, size, np.uint8)
-        timed = self._script(index / self._rate_hz * self._speed)
-        return self._rig.render(self._id, index, [each.finger for each in timed])
+        return self._paint(index, index / self._rate_hz * self._speed)
 
     def _check_plugged(self) -> None:
         if self.fault is Fault.UNPLUGGED:
@@ -142,8 +143,20 @@ def rig_ports(
     rig: SimulatedRig, script: Script, clock: Clock, rate_hz: float = 100.0, speed: float = 1.0
 ) -> tuple[SimulatedCameraPort, ...]:
     """Return the ports of all cameras of a rig; their first picture is captured now."""
+    paints = {camera_id: painter(rig, script, camera_id) for camera_id in rig.formats}
+    return painted_ports(rig.formats, paints, clock, rate_hz, speed)
+
+
+def painted_ports(
+    formats: Mapping[str, PictureFormat],
+    paints: Mapping[str, Paint],
+    clock: Clock,
+    rate_hz: float = 100.0,
+    speed: float = 1.0,
+) -> tuple[SimulatedCameraPort, ...]:
+    """Return the ports of cameras whose pictures are painted so; the first is captured now."""
     start_s = clock.now_s()
     return tuple(
-        SimulatedCameraPort(camera_id, rig, script, clock, start_s, rate_hz, speed)
-        for camera_id in rig.formats
+        SimulatedCameraPort(camera_id, form, paints[camera_id], clock, start_s, rate_hz, speed)
+        for camera_id, form in formats.items()
     )
