@@ -19,6 +19,8 @@ from cornertouchd.simulation.scripts import Script
 Paint = Callable[[int, float], Picture]
 """Paints picture `index`, which shows the script at a time in seconds."""
 
+READY = b"ready"
+
 PATIENCE_S = 20.0
 """A rig is made in a second; a machine that needs twenty cannot show it."""
 
@@ -36,7 +38,7 @@ class PaintingProcess:
     """Paints on demand; every camera may ask from a thread of its own.
 
     `make` returns the rig and the script; it is called in the process, so it must be picklable.
-    The process ends with the one that started it, however that ends.
+    Returns when the rig is made.  The process ends with the one that started it, however that ends.
     """
 
     def __init__(
@@ -53,6 +55,9 @@ class PaintingProcess:
         self._process.start()
         for _, end in theirs:
             end.close()
+        for camera, asking in self._asking.items():
+            if not asking.poll(PATIENCE_S) or asking.recv_bytes() != READY:
+                raise CameraError(camera, "the simulation does not start")
 
     def end(self) -> None:
         """End the process; the cameras are lost then."""
@@ -83,6 +88,8 @@ def _serve(
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the daemon, whose end is ours
     rig, script = make()
     paints = {connection: painter(rig, script, camera) for camera, connection in cameras}
+    for connection in paints:
+        connection.send_bytes(READY)
     while paints:
         ready = wait(list(paints))
         for asked in [connection for connection in paints if connection in ready]:
