@@ -24,10 +24,10 @@ from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 
 from cornertouchd.calibration.calibration import Calibration
-from cornertouchd.calibration.gathering import Taps, gather_touches
 from cornertouchd.calibration.methods import Stamp, calibrate
 from cornertouchd.config import CrossingSettings, Settings, VisionSettings
 from cornertouchd.devices.recording import open_recording, read_points
+from cornertouchd.runtime.recorded_touches import gather_recorded
 from cornertouchd.runtime.replaying import Replay
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -74,16 +74,12 @@ def runs_without(named: set[int], count: int) -> list[tuple[int, int]]:
 
 def calibrate_from(taps_dir: Path, empty_dir: Path, scribble_dir: Path | None) -> Calibration:
     """Calibrate by our best method."""
-    taps = open_recording(taps_dir)
-    points = read_points(taps_dir / "points.csv")
-    known = Taps(
-        taps,
-        np.array([(p.x_mm, p.y_mm) for p in points]),
-        np.array([p.diameter_mm or np.nan for p in points]),
-    )
-    scribble = open_recording(scribble_dir) if scribble_dir else ()
-    given = gather_touches(
-        taps.surface_mm, taps.formats, open_recording(empty_dir), known, scribble, VisionSettings()
+    given = gather_recorded(
+        open_recording(taps_dir),
+        read_points(taps_dir / "points.csv"),
+        open_recording(scribble_dir) if scribble_dir else None,
+        open_recording(empty_dir),
+        VisionSettings(),
     )
     return calibrate("auto", given, 0.5, Stamp("1970-01-01T00:00:00+00:00", "benchmark"))
 

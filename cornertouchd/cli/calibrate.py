@@ -1,8 +1,6 @@
 """`cornertouchd calibrate`: from recordings of taps to a calibration file."""
 
 import os
-from collections import Counter
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -12,15 +10,15 @@ from rich.console import Console
 from rich.table import Table
 
 from cornertouchd import __version__
-from cornertouchd.calibration.calibration import Calibration, CalibrationError, Method
+from cornertouchd.calibration.calibration import Calibration, Method
 from cornertouchd.calibration.file import save_calibration
-from cornertouchd.calibration.gathering import ReferenceTouches, Taps, gather_touches
 from cornertouchd.calibration.joint_fit import TouchColumns
 from cornertouchd.calibration.methods import Stamp
 from cornertouchd.calibration.methods import calibrate as fit
 from cornertouchd.cli.targets import FiniteRange
 from cornertouchd.config import Settings, find_settings, read_settings
-from cornertouchd.devices.recording import RecordedPoint, Recording, open_recording, read_points
+from cornertouchd.devices.recording import open_recording, read_points
+from cornertouchd.runtime.recorded_touches import gather_recorded
 
 
 @click.command()
@@ -82,57 +80,13 @@ def calibrate(
     taps = open_recording(directory)
     points = read_points(points_file or directory / "points.csv")
     scribble = open_recording(scribble_directory) if scribble_directory else None
-    given = _gather(taps, points, scribble, open_recording(empty_directory), settings)
+    given = gather_recorded(
+        taps, points, scribble, open_recording(empty_directory), settings.vision
+    )
     stamp = Stamp(datetime.now(UTC).isoformat(timespec="seconds"), __version__)
     calibration = fit(method, given, tap_sigma_mm, stamp)
     save_calibration(calibration, output)
     _print(calibration, given.touches, output)
-
-
-def _gather(
-    taps: Recording,
-    points: Sequence[RecordedPoint],
-    scribble: Recording | None,
-    empty: Recording,
-    settings: Settings,
-) -> ReferenceTouches:
-    for other in (empty, scribble):
-        if other is not None and dict(other.formats) != dict(taps.formats):
-            raise CalibrationError(
-                f"{other.directory}: its cameras or picture sizes are not those of "
-                f"{taps.directory}; record all parts with the same settings"
-            )
-    places, diameters = _places(taps, points)
-    tapped = np.isfinite(places).all(axis=1).tolist()
-    known = Taps(
-        (frames for frames, use in zip(taps, tapped, strict=True) if use),
-        places[tapped],
-        diameters[tapped],
-    )
-    return gather_touches(
-        taps.surface_mm, taps.formats, empty, known, scribble or (), settings.vision
-    )
-
-
-def _places(taps: Recording, points: Sequence[RecordedPoint]) -> tuple[np.ndarray, np.ndarray]:
-    """Return where each frame set was touched and with what diameter, NaN where unknown.
-
-    One with several contacts counts as unknown: which shadow is whose cannot be told.
-    """
-    places = np.full((len(taps), 2), np.nan)
-    diameters = np.full(len(taps), np.nan)
-    times = Counter(point.set for point in points)
-    for point in points:
-        if point.set >= len(taps):
-            raise CalibrationError(
-                f"{taps.directory}: has {len(taps)} frame sets, a reference point names set "
-                f"{point.set}"
-            )
-        if times[point.set] == 1:
-            places[point.set] = point.x_mm, point.y_mm
-            if point.diameter_mm is not None:
-                diameters[point.set] = point.diameter_mm
-    return places, diameters
 
 
 def _print(calibration: Calibration, touches: TouchColumns, output: Path) -> None:
