@@ -122,22 +122,27 @@ def _opened(output: Path | None) -> Iterator[IO[str] | None]:
         yield None
     elif str(output) == "-":
         yield sys.stdout
-    elif output.exists() and not output.is_file():  # a pipe or a device: nothing to replace
-        try:
-            with output.open("w") as stream:
-                yield stream
-        except OSError as error:
-            raise click.ClickException(f"{output}: cannot be written: {error.strerror}") from error
     else:
-        partial = output.with_name(output.name + ".partial")
         try:
-            with partial.open("w") as file:
+            with _replacing(output) as file:
                 yield file
-            partial.replace(output)
         except OSError as error:
             raise click.ClickException(f"{output}: cannot be written: {error.strerror}") from error
-        finally:
-            partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def _replacing(output: Path) -> Iterator[IO[str]]:
+    if output.exists() and not output.is_file():  # a pipe or a device: nothing to replace
+        with output.open("w") as stream:
+            yield stream
+        return
+    partial = output.with_name(output.name + ".partial")
+    try:
+        with partial.open("w") as file:
+            yield file
+        partial.replace(output)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -28,12 +28,12 @@ class ProfileSampler:
 
     def __init__(self, strip: Strip, empty: FloatArray, settings: VisionSettings) -> None:
         """Prepare for pictures of the size of `empty`, the mean of empty pictures (rows, W)."""
-        self._rows_px, width = empty.shape
-        self._indices, self._weights = _horizon_taps(strip, self._rows_px, settings.horizon_band)
+        rows_px, width = empty.shape
+        self._indices, self._weights = _horizon_taps(strip, rows_px, settings.horizon_band)
         self._dark = strip.dark_level
-        self._reference = self._sample(empty) - self._dark
-        self._known = strip.visible & (self._reference > settings.smallest_reference)
-        self._scale = 1.0 / np.maximum(self._reference, 1.0)
+        reference = self._sample(empty) - self._dark
+        self._known = strip.visible & (reference > settings.smallest_reference)
+        self._scale = 1.0 / np.maximum(reference, 1.0)
         self._columns = np.arange(width)
         self._known_columns = np.flatnonzero(self._known)
 
@@ -41,11 +41,6 @@ class ProfileSampler:
     def known(self) -> BoolArray:
         """Columns in which the strip can be seen, (width_px,)."""
         return self._known
-
-    @property
-    def reference(self) -> FloatArray:
-        """Grey levels of the empty strip over the dark level, (width_px,)."""
-        return self._reference
 
     def sample(self, picture: Picture) -> Profile:
         """Return the profile of a picture, in which 1 is the empty strip."""
