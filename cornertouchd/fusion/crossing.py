@@ -6,7 +6,8 @@ from typing import Protocol
 from cornertouchd.config import CrossingSettings
 from cornertouchd.fusion.cells import disc_limits
 from cornertouchd.fusion.edge_crossing import EdgeCrossing
-from cornertouchd.fusion.paper_crossing import PaperCrossing
+from cornertouchd.fusion.paper_crossing import PaperCrossing, nearest_points
+from cornertouchd.fusion.paper_reconstruction import reconstruct_in_pairs
 from cornertouchd.model import Contact, DirectingLines
 
 
@@ -21,9 +22,15 @@ class Crossing(Protocol):
         ...
 
 
-def make_crossing(settings: CrossingSettings, surface_mm: tuple[float, float]) -> Crossing:
-    """Return the crossing that `settings.method` names, for a surface of this width and height."""
+def make_crossing(
+    settings: CrossingSettings, surface_mm: tuple[float, float], *, reconstructed: bool = False
+) -> Crossing:
+    """Return the crossing that `settings.method` names, for a surface of this width and height.
+
+    The paper crosses otherwise when the cameras were calibrated by its 3D reconstruction.
+    """
     limits = disc_limits(settings, surface_mm)
     if settings.method == "paper":
-        return PaperCrossing(settings.paper, limits)
+        locate = reconstruct_in_pairs if reconstructed else nearest_points
+        return PaperCrossing(settings.paper, limits, locate)
     return EdgeCrossing(limits, settings.edge_sigma_px)

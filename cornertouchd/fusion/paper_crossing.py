@@ -12,7 +12,7 @@ Beyond the paper, a camera without a whole shadow is left out instead of ending 
 beside the surface are no contacts, and a frame set with too many groups is refused.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import floor, hypot, prod
@@ -35,7 +35,7 @@ CONFIDENCE_OF_TWO_LINES = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class _Groups:
+class Groups:
     """G groups of one directing line from each of C cameras, the last camera's changing fastest.
 
     `origins_mm` is (C, 2), `normals` (C, G, 2), the others (C, G).
@@ -48,7 +48,8 @@ class _Groups:
     width_rad: FloatArray
     sigma_rad: FloatArray
 
-    def take(self, index: IntArray) -> "_Groups":
+    def take(self, index: IntArray) -> "Groups":
+        """Return the groups with these numbers."""
         return replace(
             self,
             normals=self.normals[:, index],
@@ -58,17 +59,36 @@ class _Groups:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Located:
+    """Where groups say that something touches: `points_mm` (G, 2), NaN where they cannot say.
+
+    `misfit_mm` (G,) is what Th1 bounds; `spread` (G,) the sigma of a point per sigma of its lines.
+    """
+
+    points_mm: FloatArray
+    misfit_mm: FloatArray
+    spread: FloatArray
+
+
 class PaperCrossing:
     """Accepts every group of directing lines that meet closely enough, ghosts and all.
 
-    `confidence` of a contact falls from 1, where its lines meet in a point, to 0 at Th1.
-    `diameter_mm` is what its shadows span at its distance, on average; `sigma_mm` comes from the
-    angles between the lines and from how far they pass by the contact.
+    `locate` says where the lines of groups meet.  `confidence` of a contact falls from 1, where its
+    lines meet in a point, to 0 at Th1.  `diameter_mm` is what its shadows span at its distance, on
+    average; `sigma_mm` comes from the angles between the lines and from how far they pass by the
+    contact.
     """
 
-    def __init__(self, settings: PaperCrossingSettings, limits: DiscLimits) -> None:
+    def __init__(
+        self,
+        settings: PaperCrossingSettings,
+        limits: DiscLimits,
+        locate: Callable[[Groups], Located],
+    ) -> None:
         self._settings = settings
         self._limits = limits
+        self._locate = locate
         self._refused_sets = 0
 
     @property
@@ -87,21 +107,22 @@ class PaperCrossing:
             self._refused_sets += 1
             return ()
         groups = _all_groups(seeing)
-        points, _ = _nearest_points(groups)
-        near = _largest_distances(groups, points) <= self._settings.th1_mm
+        located = self._locate(groups)
+        points = located.points_mm
+        near = located.misfit_mm <= self._settings.th1_mm
         accepted = np.flatnonzero(near & self._limits.on_surface(points))
         accepted = accepted[_not_redundant(points[accepted], self._settings.th2_mm)]
         return self._contacts(groups.take(accepted))
 
-    def _contacts(self, groups: _Groups) -> tuple[Contact, ...]:
-        points, spread = _nearest_points(groups)
-        largest_mm = _largest_distances(groups, points)
+    def _contacts(self, groups: Groups) -> tuple[Contact, ...]:
+        located = self._locate(groups)
+        points = located.points_mm
         centres = np.clip(points, 0.0, self._limits.surface_mm)
         _, distances = angles_and_distances(points, groups.origins_mm)
         diameters_mm = np.mean(groups.width_rad * distances.T, axis=0)
         noise_mm = np.sqrt(np.mean((groups.sigma_rad * distances.T) ** 2, axis=0))
-        sigmas_mm = spread * np.hypot(noise_mm, largest_mm)
-        confidences = 1.0 - largest_mm / self._settings.th1_mm
+        sigmas_mm = located.spread * np.hypot(noise_mm, located.misfit_mm)
+        confidences = 1.0 - located.misfit_mm / self._settings.th1_mm
         if len(groups.cameras) == 2:
             confidences = np.full(len(points), CONFIDENCE_OF_TWO_LINES)
         return tuple(
@@ -133,12 +154,12 @@ def _with_whole_shadows(camera: DirectingLines) -> DirectingLines:
     )
 
 
-def _all_groups(cameras: Sequence[DirectingLines]) -> _Groups:
+def _all_groups(cameras: Sequence[DirectingLines]) -> Groups:
     line_of = np.indices([len(camera.centre_rad) for camera in cameras]).reshape(len(cameras), -1)
     chosen = list(zip(cameras, line_of, strict=True))
     origins = np.array([(camera.x_mm, camera.y_mm) for camera in cameras])
     n = np.stack([normals(camera.centre_rad)[lines] for camera, lines in chosen])
-    return _Groups(
+    return Groups(
         cameras=tuple(camera.camera for camera in cameras),
         origins_mm=origins,
         normals=n,
@@ -148,8 +169,8 @@ def _all_groups(cameras: Sequence[DirectingLines]) -> _Groups:
     )
 
 
-def _nearest_points(groups: _Groups) -> tuple[FloatArray, FloatArray]:
-    """Solve eq. 8: the points (G, 2), and the sigma of a point per sigma of its lines, (G,).
+def nearest_points(groups: Groups) -> Located:
+    """Solve eq. 8; the misfit is how far the farthest line passes by, as eq. 10 has it.
 
     The point is NaN where all lines of a group are parallel.
     """
@@ -160,10 +181,11 @@ def _nearest_points(groups: _Groups) -> tuple[FloatArray, FloatArray]:
     determinant[determinant < SMALLEST_DETERMINANT] = np.nan
     points = np.stack([yy * xh - xy * yh, xx * yh - xy * xh], axis=-1) / determinant[:, None]
     smallest_eigenvalue = (xx + yy) / 2.0 - np.hypot((xx - yy) / 2.0, xy)
-    return points, 1.0 / np.sqrt(np.maximum(smallest_eigenvalue, SMALLEST_DETERMINANT))
+    spread = 1.0 / np.sqrt(np.maximum(smallest_eigenvalue, SMALLEST_DETERMINANT))
+    return Located(points, _largest_distances(groups, points), spread)
 
 
-def _largest_distances(groups: _Groups, points_mm: FloatArray) -> FloatArray:
+def _largest_distances(groups: Groups, points_mm: FloatArray) -> FloatArray:
     """Return how far each point is from the farthest line of its group, (G,)."""
     across = np.einsum("cgi,gi->cg", groups.normals, points_mm)
     largest: FloatArray = np.max(np.abs(across - groups.offsets_mm), axis=0)

@@ -121,13 +121,21 @@ class SimulatedRig:
         }
         self._noise = SensorNoise(seed) if noise else None
 
-    def render(self, camera_id: str, index: int, fingers: Sequence[Finger]) -> Picture:
-        """Return picture `index` of a camera, (rows_px, width_px), with these fingers in view."""
+    def light(self, camera_id: str, fingers: Sequence[Finger] = ()) -> Light:
+        """Return the light (rows_px, width_px) that a camera gets, in grey levels above black."""
         light = self._empty[camera_id].copy()
         self._silhouettes[camera_id].shade(light, fingers)
+        return light
+
+    def expose(self, camera_id: str, index: int, light: Light) -> Picture:
+        """Return picture `index` of a camera when this light falls on it."""
         if self._noise is None:
             return digitise(light)
         return self._noise.expose(light, self._numbers[camera_id], index)
+
+    def render(self, camera_id: str, index: int, fingers: Sequence[Finger]) -> Picture:
+        """Return picture `index` of a camera, (rows_px, width_px), with these fingers in view."""
+        return self.expose(camera_id, index, self.light(camera_id, fingers))
 
     def frame_set(
         self, index: int, captured_at_s: float, fingers: Sequence[Finger]
