@@ -3,11 +3,18 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from cornertouchd.calibration.error_map import ErrorMap
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
+from cornertouchd.locating.lookup_table import LookupTable
+from cornertouchd.locating.reconstruction import Reconstruction
 from cornertouchd.locating.vanishing_point import Projection
 from cornertouchd.model import FloatArray, PictureFormat
 
-Method = Literal["auto", "vanishing-point"]
+Method = Literal["auto", "lookup-table", "vanishing-point", "reconstruction"]
+METHODS: tuple[Method, ...] = ("auto", "lookup-table", "vanishing-point", "reconstruction")
+
+Model = AnglePolynomial | LookupTable | Projection | Reconstruction
+"""The camera models, one for each method; all fill `locating.camera_model.CameraModel`."""
 
 
 class CalibrationError(Exception):
@@ -20,17 +27,28 @@ class CameraCalibration:
 
     `empty` is the mean of its pictures of the empty surface, (rows_px, width_px); the strip and its
     reference brightness are read from it.  `residual_mm` is the RMS distance of the reference
-    points from their directing lines.
+    points from their directing lines.  `identity` tells this very camera from others of its kind,
+    empty where that is not known.
     """
 
     id: str
+    identity: str
     format: PictureFormat
     empty: FloatArray
-    model: AnglePolynomial | Projection
+    model: Model
     residual_mm: float
 
-    def require_format(self, given: PictureFormat) -> None:
-        """Raise `CalibrationError` unless pictures of this format fit the calibration."""
+    def require_camera(self, given: PictureFormat, identity: str) -> None:
+        """Raise `CalibrationError` unless this is the camera and its pictures fit.
+
+        An empty identity is not known, and fits.
+        """
+        if identity and self.identity and identity != self.identity:
+            raise CalibrationError(
+                f"camera {self.id}: is another camera ({identity}) than was calibrated "
+                f"({self.identity}): cables exchanged? Plug it in where it was, or run "
+                "`cornertouchd calibrate` again"
+            )
         if given != self.format:
             raise CalibrationError(
                 f"camera {self.id}: gives pictures of {given}, calibrated at {self.format}; "
@@ -42,7 +60,10 @@ class CameraCalibration:
 class Calibration:
     """All cameras of a rig, and how they were calibrated.
 
-    `created_at` is UTC in ISO 8601; `residual_mm` the RMS over all cameras and reference points.
+    `created_at` is UTC in ISO 8601.  `reference_points` are touches at known places,
+    `scribble_points` those at unknown ones; `dropped` is how many times a camera's view of one of
+    them did not fit and was left out.  `residual_mm` is the RMS over all cameras and reference
+    points, `expected` the error to expect of a touch, place by place.
     """
 
     method: Method
@@ -50,7 +71,10 @@ class Calibration:
     software: str
     surface_mm: tuple[float, float]
     reference_points: int
+    scribble_points: int
+    dropped: int
     residual_mm: float
+    expected: ErrorMap
     cameras: tuple[CameraCalibration, ...]
 
     def camera(self, camera_id: str) -> CameraCalibration:

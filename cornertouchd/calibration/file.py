@@ -1,221 +1,216 @@
 """The calibration file: versioned JSON, written atomically, refused when it is not whole."""
 
 import base64
-import contextlib
-import json
-import os
-import tempfile
-from collections.abc import Callable
+import struct
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Any
 
 import cv2
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
+from cornertouchd.calibration.atomic_file import previous_of, replace_file, roll_back_file
 from cornertouchd.calibration.calibration import (
     Calibration,
     CalibrationError,
     CameraCalibration,
-    Method,
+    Model,
 )
+from cornertouchd.calibration.error_map import ErrorMap
+from cornertouchd.calibration.file_schema import (
+    AnglePolynomialEntry,
+    CalibrationFile,
+    CameraEntry,
+    ErrorMapEntry,
+    LookupTableEntry,
+    ProjectionEntry,
+)
+from cornertouchd.calibration.sealed_json import read_bounded, seal, unseal
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
+from cornertouchd.locating.lookup_table import LookupTable
+from cornertouchd.locating.reconstruction import BoardLens, Reconstruction
 from cornertouchd.locating.vanishing_point import Projection
 from cornertouchd.model import FloatArray, PictureFormat
-
-FORMAT = "cornertouchd-calibration"
-VERSION = 1
-
-SMALLEST_DETERMINANT = 1e-12
-"""A projection is normalised; under this it maps the surface to a point."""
 
 GREY_SCALE = 256
 """The mean empty picture is kept in 1/256 grey levels, as a 16-bit PNG that any viewer shows."""
 
-_Place = Annotated[FiniteFloat, Field(ge=-100_000.0, le=100_000.0)]
-_Side = Annotated[FiniteFloat, Field(ge=20.0, le=100_000.0)]
-_Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
-_Point = tuple[_Place, _Place]
+ERROR_DIGITS = 4
+"""Expected errors and residuals are estimates; a tenth of a micrometre is more than they are."""
 
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=False)
-
-
-class _Picture(_Part):
-    width_px: int = Field(gt=0)
-    height_px: int = Field(gt=0)
-    row_offset_px: int = Field(ge=0)
-    rows_px: int = Field(gt=0)
-
-
-class _AnglePolynomial(_Part):
-    kind: Literal["angle-polynomial"] = "angle-polynomial"
-    position_mm: _Point
-    coefficients_rad: tuple[FiniteFloat, ...] = Field(min_length=2)
-
-
-class _Projection(_Part):
-    kind: Literal["projection"] = "projection"
-    matrix: tuple[_Row, _Row]
-    towards_mm: _Point
-
-
-class _Camera(_Part):
-    id: str
-    picture: _Picture
-    model: Annotated[_AnglePolynomial | _Projection, Field(discriminator="kind")]
-    residual_mm: FiniteFloat
-    empty_png: str
-
-
-class _File(_Part):
-    format: Literal["cornertouchd-calibration"] = "cornertouchd-calibration"
-    version: Literal[1] = 1
-    method: Method
-    created_at: str
-    software: str
-    surface_mm: tuple[_Side, _Side]
-    reference_points: int
-    residual_mm: FiniteFloat
-    cameras: tuple[_Camera, ...] = Field(min_length=2)
+ANEW = "run `cornertouchd calibrate`"
+REMEDY = f"{ANEW}, or `cornertouchd calibrate --rollback` for the one before"
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
     """Write the calibration atomically; one that stood there is kept as `NAME.previous`.
 
-    Raises `CalibrationError` if the disk refuses; what stood there is then untouched.
+    Raises `CalibrationError` if it could not be read again, or the disk refuses; what stood there
+    is then untouched.
     """
-    content = _to_file(calibration).model_dump_json(indent=1) + "\n"
+    content = seal(_to_file(calibration))
+    _from_bytes(content, path, ANEW)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists():
-            _replace(path.with_name(path.name + ".previous"), path.read_bytes())
-        _replace(path, content.encode())
+        replace_file(path, content)
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def load_calibration(path: Path) -> Calibration:
     """Read a calibration.  Raises `CalibrationError` naming the file, what is wrong, the remedy."""
-    remedy = "run `cornertouchd calibrate`"
     try:
-        raw = json.loads(path.read_text())
+        content = read_bounded(path, REMEDY)
     except FileNotFoundError:
-        raise CalibrationError(f"{path}: no calibration is there; {remedy}") from None
+        raise CalibrationError(f"{path}: no calibration is there; {ANEW}") from None
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise CalibrationError(
-            f"{path}: not a whole JSON file ({error}); restore {path.name}.previous or {remedy}"
-        ) from None
-    if not isinstance(raw, dict) or raw.get("format") != FORMAT:
-        raise CalibrationError(f"{path}: not a cornertouchd calibration; {remedy}")
-    if raw.get("version") != VERSION:
-        raise CalibrationError(
-            f"{path}: version {raw.get('version')!r}, this software reads {VERSION}; {remedy}"
-        )
+    return _from_bytes(content, path, REMEDY)
+
+
+def rollback_calibration(path: Path) -> Calibration:
+    """Put the former calibration in force and keep the one it replaces as the previous one.
+
+    A second rollback undoes the first.  Returns what is in force now.  Raises `CalibrationError` if
+    there is no former one or it is not whole; nothing is changed then.
+    """
+    previous = previous_of(path)
     try:
-        return _from_file(_File.model_validate(raw))
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise CalibrationError(f"{path}: {place}: {first['msg']}; {remedy}") from None
+        roll_back_file(path, lambda content: _from_bytes(content, previous, ANEW))
+    except FileNotFoundError:
+        raise CalibrationError(f"{previous}: no former calibration is there; {ANEW}") from None
+    except OSError as error:
+        raise CalibrationError(f"{path}: cannot be rolled back: {error.strerror}") from error
+    return load_calibration(path)
+
+
+def _to_file(calibration: Calibration) -> dict[str, Any]:
+    expected = calibration.expected
+    return {
+        "format": CalibrationFile.FORMAT,
+        "version": CalibrationFile.VERSION,
+        "method": calibration.method,
+        "created_at": calibration.created_at,
+        "software": calibration.software,
+        "surface_mm": list(calibration.surface_mm),
+        "reference_points": calibration.reference_points,
+        "scribble_points": calibration.scribble_points,
+        "dropped": calibration.dropped,
+        "residual_mm": round(calibration.residual_mm, ERROR_DIGITS),
+        "expected": {
+            "x_mm": expected.x_mm.tolist(),
+            "y_mm": expected.y_mm.tolist(),
+            "errors_mm": [_without_nan(row) for row in expected.errors_mm.round(ERROR_DIGITS)],
+        },
+        "cameras": [
+            {
+                "id": camera.id,
+                "identity": camera.identity,
+                "picture": {
+                    "width_px": camera.format.width_px,
+                    "height_px": camera.format.height_px,
+                    "row_offset_px": camera.format.row_offset_px,
+                    "rows_px": camera.format.rows_px,
+                },
+                "model": _model_to_file(camera.model),
+                "residual_mm": round(camera.residual_mm, ERROR_DIGITS),
+                "empty_png": _to_png(camera.empty),
+            }
+            for camera in calibration.cameras
+        ],
+    }
+
+
+def _model_to_file(model: Model) -> dict[str, Any]:
+    if isinstance(model, AnglePolynomial):
+        return {
+            "kind": "angle-polynomial",
+            "position_mm": model.position_mm,
+            "coefficients_rad": model.coefficients_rad,
+        }
+    if isinstance(model, Projection):
+        return {"kind": "projection", "matrix": model.matrix, "towards_mm": model.towards_mm}
+    if isinstance(model, LookupTable):
+        return {
+            "kind": "lookup-table",
+            "position_mm": model.position_mm,
+            "points_mm": model.points_mm,
+            "columns_px": _without_nan(np.array(model.columns_px)),
+        }
+    return {
+        "kind": "reconstruction",
+        "position_mm": model.position_mm,
+        "rotation": model.rotation,
+        "lens": {
+            "kind": model.lens.kind,
+            "focal_px": model.lens.focal_px,
+            "centre_px": model.lens.centre_px,
+            "distortion": model.lens.distortion,
+        },
+    }
+
+
+def _from_bytes(content: bytes, path: Path, remedy: str) -> Calibration:
+    file = unseal(content, CalibrationFile, path, remedy)
+    try:
+        cameras = tuple(_camera_from_file(camera) for camera in file.cameras)
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}; {remedy}") from None
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Put `content` at `path` so that a power cut leaves the old or the new file, whole."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fchmod(file.fileno(), 0o644)
-            os.fsync(file.fileno())
-        Path(name).replace(path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            Path(name).unlink()
-        raise
-    directory = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(directory)
-    finally:
-        os.close(directory)
-
-
-def _to_file(calibration: Calibration) -> _File:
-    return _File(
-        method=calibration.method,
-        created_at=calibration.created_at,
-        software=calibration.software,
-        surface_mm=calibration.surface_mm,
-        reference_points=calibration.reference_points,
-        residual_mm=round(calibration.residual_mm, 4),
-        cameras=tuple(
-            _Camera(
-                id=camera.id,
-                picture=_Picture(
-                    width_px=camera.format.width_px,
-                    height_px=camera.format.height_px,
-                    row_offset_px=camera.format.row_offset_px,
-                    rows_px=camera.format.rows_px,
-                ),
-                model=_MODEL_TO_FILE[type(camera.model)](camera.model),
-                residual_mm=round(camera.residual_mm, 4),
-                empty_png=_to_png(camera.empty),
-            )
-            for camera in calibration.cameras
-        ),
-    )
-
-
-def _from_file(file: _File) -> Calibration:
     return Calibration(
         method=file.method,
         created_at=file.created_at,
         software=file.software,
         surface_mm=file.surface_mm,
         reference_points=file.reference_points,
+        scribble_points=file.scribble_points,
+        dropped=file.dropped,
         residual_mm=file.residual_mm,
-        cameras=tuple(_camera_from_file(camera) for camera in file.cameras),
+        expected=_map_from_file(file.expected),
+        cameras=cameras,
     )
 
 
-def _camera_from_file(camera: _Camera) -> CameraCalibration:
+def _map_from_file(entry: ErrorMapEntry) -> ErrorMap:
+    errors_mm = np.array([_with_nan(row) for row in entry.errors_mm])
+    return ErrorMap(np.array(entry.x_mm), np.array(entry.y_mm), errors_mm)
+
+
+def _camera_from_file(camera: CameraEntry) -> CameraCalibration:
     picture = camera.picture
     size = PictureFormat(
         picture.width_px, picture.height_px, picture.row_offset_px, picture.rows_px
     )
-    model: AnglePolynomial | Projection
-    if isinstance(camera.model, _AnglePolynomial):
-        model = AnglePolynomial(
-            camera.model.position_mm, camera.model.coefficients_rad, size.width_px
-        )
-    else:
-        model = Projection(camera.model.matrix, camera.model.towards_mm)
-        if abs(np.linalg.det(np.array(camera.model.matrix)[:, :2])) < SMALLEST_DETERMINANT:
-            raise CalibrationError(f"camera {camera.id}: its projection is singular")
-    empty = _from_png(camera.empty_png)
-    if empty is None or empty.shape != (size.rows_px, size.width_px):
+    empty = _from_png(camera.empty_png, size)
+    if empty is None:
         raise CalibrationError(f"camera {camera.id}: its empty picture is damaged")
-    return CameraCalibration(camera.id, size, empty, model, camera.residual_mm)
+    return CameraCalibration(
+        camera.id,
+        camera.identity,
+        size,
+        empty,
+        _model_from_file(camera, size.width_px),
+        camera.residual_mm,
+    )
 
 
-def _angle_polynomial_to_file(model: AnglePolynomial) -> _AnglePolynomial:
-    return _AnglePolynomial(position_mm=model.position_mm, coefficients_rad=model.coefficients_rad)
+def _model_from_file(camera: CameraEntry, width_px: int) -> Model:
+    model = camera.model
+    if isinstance(model, AnglePolynomialEntry):
+        return AnglePolynomial(model.position_mm, model.coefficients_rad, width_px)
+    if isinstance(model, ProjectionEntry):
+        return Projection(model.matrix, model.towards_mm)
+    if isinstance(model, LookupTableEntry):
+        return LookupTable(model.position_mm, model.points_mm, _with_nan(model.columns_px))
+    lens = BoardLens(
+        model.lens.kind, model.lens.focal_px, model.lens.centre_px, model.lens.distortion
+    )
+    return Reconstruction(model.position_mm, model.rotation, lens, width_px)
 
 
-def _projection_to_file(model: Projection) -> _Projection:
-    return _Projection(matrix=model.matrix, towards_mm=model.towards_mm)
+def _without_nan(values: FloatArray) -> list[float | None]:
+    return [value if np.isfinite(value) else None for value in values.tolist()]
 
 
-_MODEL_TO_FILE: dict[type, Callable[..., _AnglePolynomial | _Projection]] = {
-    AnglePolynomial: _angle_polynomial_to_file,
-    Projection: _projection_to_file,
-}
+def _with_nan(values: tuple[float | None, ...]) -> tuple[float, ...]:
+    return tuple(np.nan if value is None else value for value in values)
 
 
 def _to_png(empty: FloatArray) -> str:
@@ -224,12 +219,16 @@ def _to_png(empty: FloatArray) -> str:
     return base64.b64encode(png.tobytes()).decode()
 
 
-def _from_png(text: str) -> FloatArray | None:
+def _from_png(text: str, size: PictureFormat) -> FloatArray | None:
+    """Return the picture, None if it is none or has another size; that is seen before decoding."""
     try:
-        data = np.frombuffer(base64.b64decode(text, validate=True), np.uint8)
-        levels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    except (ValueError, cv2.error):
+        png = base64.b64decode(text, validate=True)
+        width_px, rows_px = struct.unpack_from(">II", png, 16)  # IHDR is always the first chunk
+        if (width_px, rows_px) != (size.width_px, size.rows_px):
+            return None
+        levels = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    except (ValueError, struct.error, cv2.error):
         return None
-    if levels is None or levels.dtype != np.uint16 or levels.ndim != 2:
+    if levels is None or levels.dtype != np.uint16 or levels.shape != (rows_px, width_px):
         return None
     return levels.astype(np.float64) / GREY_SCALE

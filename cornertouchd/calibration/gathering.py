@@ -1,10 +1,11 @@
 """Everything a calibration is made from, gathered from frame sets."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from cornertouchd.calibration.board_sights import BoardSight
 from cornertouchd.calibration.joint_fit import TouchColumns
 from cornertouchd.calibration.observing import (
     find_strips,
@@ -36,7 +37,8 @@ class ReferenceTouches:
     """What the cameras of a rig saw; cameras in the order of `formats`.
 
     `empties` are mean pictures of the empty surface, `touches` the columns of taps (places known)
-    and scribble (places NaN).
+    and scribble (places NaN).  `boards` are needed for the reconstruction only; `identities` are
+    those of `CameraCalibration`, where they are known.
     """
 
     surface_mm: tuple[float, float]
@@ -44,6 +46,8 @@ class ReferenceTouches:
     empties: Mapping[str, FloatArray]
     strips: Mapping[str, Strip]
     touches: TouchColumns
+    boards: Sequence[BoardSight] = ()
+    identities: Mapping[str, str] = field(default_factory=dict)
 
 
 def gather_touches(

@@ -7,6 +7,7 @@ shadow, over their standard deviations; half the shadow's width against half the
 the diameter is known.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,9 +21,6 @@ DEGREE = 7
 EDGE_SIGMA_PX = 0.1
 SHAPE_SIGMA_MM = 0.1
 """What is left when a finger is not a disc; keeps near cameras from outweighing all others."""
-
-POSITION_PRIOR_MM = 15.0
-"""Cameras sit this near to the corner of the surface."""
 
 YAW_PRIOR_RAD = np.deg2rad(5.0)
 FIELD_PRIOR_RAD = np.deg2rad(8.0)
@@ -45,16 +43,27 @@ class TouchColumns:
     points_mm: FloatArray
     diameters_mm: FloatArray
 
+    @property
+    def known(self) -> BoolArray:
+        """Which touches were at a known place, (points,)."""
+        return np.asarray(np.isfinite(self.points_mm).all(axis=1))
+
+    @property
+    def seen(self) -> BoolArray:
+        """Which camera saw which touch with both its edges, (cameras, points)."""
+        return np.asarray(np.isfinite(self.columns_px).all(axis=2))
+
 
 @dataclass(frozen=True, slots=True)
 class StartingPoint:
     """Where the fit starts and what its priors pull towards, per camera.
 
-    `positions_mm` (cameras, 2); `angles_rad` (cameras, 2): a_0 and a_1 of the polynomial;
-    `widths_px` (cameras,).
+    `positions_mm` (cameras, 2), which are good to `position_sigma_mm`; `angles_rad` (cameras, 2):
+    a_0 and a_1 of the polynomial; `widths_px` (cameras,).
     """
 
     positions_mm: FloatArray
+    position_sigma_mm: float
     angles_rad: FloatArray
     widths_px: FloatArray
 
@@ -65,11 +74,13 @@ class JointFit:
 
     `positions_mm` (cameras, 2), `coefficients_rad` (cameras, 8).  `residuals_mm` (cameras, points)
     are distances from each point (known or triangulated) to the directing line, NaN where unseen;
-    `used` tells which took part.
+    `used` tells which took part.  `covariance` is that of position and coefficients, camera after
+    camera, (10 cameras, 10 cameras).
     """
 
     positions_mm: FloatArray
     coefficients_rad: FloatArray
+    covariance: FloatArray
     residuals_mm: FloatArray
     used: BoolArray
 
@@ -77,21 +88,33 @@ class JointFit:
 def fit_jointly(touches: TouchColumns, start: StartingPoint, tap_sigma_mm: float) -> JointFit:
     """Return the cameras that explain the touches best.
 
-    Robust (soft L1); what lies more than four standard deviations off is dropped and the rest
-    fitted again.
+    Robust (soft L1) until all that lies more than four standard deviations off is dropped; then by
+    least squares, which wastes nothing of what is left (4 % less error after taps of .5 mm).
     """
     problem = _Problem(touches, start, tap_sigma_mm)
-    parameters = problem.start
     used = problem.seen
+    solution = problem.solve(problem.start, used, _soft_l1)
     for _ in range(SWEEPS):
-        parameters = problem.solve(parameters, used)
-        kept = problem.seen & (problem.largest_sigmas(parameters) < OUTLIER_SIGMAS)
+        kept = problem.seen & (problem.largest_sigmas(solution.parameters) < OUTLIER_SIGMAS)
         if np.array_equal(kept, used):
             break
         used = kept
-    else:
-        parameters = problem.solve(parameters, used)
-    return problem.result(parameters, used)
+        solution = problem.solve(solution.parameters, used, _soft_l1)
+    return problem.result(problem.solve(solution.parameters, used), used)
+
+
+def _soft_l1(sigmas: FloatArray) -> FloatArray:
+    """Return residuals whose squares grow like the first power of what is far off."""
+    robust: FloatArray = np.sign(sigmas) * np.sqrt(2 * (np.sqrt(1 + sigmas * sigmas) - 1))
+    return robust
+
+
+@dataclass(frozen=True, slots=True)
+class _Solution:
+    """Parameters (cameras, 10), and their covariance flattened in the same order."""
+
+    parameters: FloatArray
+    covariance: FloatArray
 
 
 class _Problem:
@@ -102,31 +125,39 @@ class _Problem:
         half = start.widths_px[:, None, None] / 2
         self._powers = ((touches.columns_px - half) / half)[..., None] ** np.arange(DEGREE + 1)
         self._points = touches.points_mm
-        self._known: BoolArray = np.asarray(np.isfinite(touches.points_mm).all(axis=1))
+        self._known = touches.known
         self._radii = touches.diameters_mm / 2
         self._tap_sigma = tap_sigma_mm
         self._px_rad = start.angles_rad[:, 1] / (start.widths_px / 2)
-        self.seen: BoolArray = np.asarray(np.isfinite(touches.columns_px).all(axis=2))
-        self.seen &= self._known | (self.seen.sum(axis=0) >= 2)
+        self.seen = touches.seen & (self._known | (touches.seen.sum(axis=0) >= 2))
         curve = np.zeros((cameras, DEGREE - 1))
         self.start = np.hstack([start.positions_mm, start.angles_rad, curve])
-        place = (POSITION_PRIOR_MM, POSITION_PRIOR_MM)
+        place = (start.position_sigma_mm, start.position_sigma_mm)
         self._priors = np.array([*place, YAW_PRIOR_RAD, FIELD_PRIOR_RAD, *CURVE_PRIORS_RAD])
 
-    def solve(self, parameters: FloatArray, used: BoolArray) -> FloatArray:
+    def solve(
+        self,
+        parameters: FloatArray,
+        used: BoolArray,
+        loss: Callable[[FloatArray], FloatArray] = np.asarray,
+    ) -> _Solution:
         """Return better parameters, fitted to the used observations."""
 
         def residuals(flat: FloatArray) -> FloatArray:
             p = flat.reshape(parameters.shape)
             distances, widths, _ = self._sigmas(p, used)
             data = np.concatenate([distances[used], widths[used & np.isfinite(widths)]])
-            robust = np.sign(data) * np.sqrt(2 * (np.sqrt(1 + data * data) - 1))
-            return np.concatenate([robust, ((p - self.start) / self._priors).ravel()])
+            return np.concatenate([loss(data), ((p - self.start) / self._priors).ravel()])
 
         scale = np.tile(self._priors, len(parameters))
         found = least_squares(residuals, parameters.ravel(), x_scale=scale, max_nfev=60)
-        fitted: FloatArray = found.x.reshape(parameters.shape)
-        return fitted
+        jacobian = found.jac * scale  # millimetres and radians, made comparable
+        covariance = np.linalg.inv(jacobian.T @ jacobian) * np.outer(scale, scale)
+        eliminated = 2 * int(np.count_nonzero(used.any(axis=0) & ~self._known))
+        freedom = max(len(found.fun) - found.x.size - eliminated, 1)
+        # touches may scatter more than was assumed; that they scatter less is not believed
+        covariance *= max(1.0, 2 * found.cost / freedom)
+        return _Solution(found.x.reshape(parameters.shape), covariance)
 
     def largest_sigmas(self, parameters: FloatArray) -> FloatArray:
         """Return how many standard deviations each observation is off, (cameras, points)."""
@@ -134,11 +165,12 @@ class _Problem:
         largest: FloatArray = np.maximum(np.abs(distances), np.nan_to_num(np.abs(widths)))
         return largest
 
-    def result(self, parameters: FloatArray, used: BoolArray) -> JointFit:
+    def result(self, solution: _Solution, used: BoolArray) -> JointFit:
         """Return the fit with its residuals in millimetres."""
-        _, _, distances_mm = self._sigmas(parameters, used)
+        p = solution.parameters
+        _, _, distances_mm = self._sigmas(p, used)
         residuals = np.where(self.seen, distances_mm, np.nan)
-        return JointFit(parameters[:, :2], parameters[:, 2:], residuals, used)
+        return JointFit(p[:, :2], p[:, 2:], solution.covariance, residuals, used)
 
     def _sigmas(
         self, parameters: FloatArray, used: BoolArray

@@ -57,7 +57,7 @@ def observe_touches(
     columns = []
     for frames in frame_sets:
         edges = {
-            frame.camera: _edges_of_touch(finders[frame.camera].find(frame.pixels))
+            frame.camera: edges_of_touch(finders[frame.camera].find(frame.pixels))
             for frame in frames
         }
         columns.append([edges[camera] for camera in finders])
@@ -65,11 +65,20 @@ def observe_touches(
     return np.array(columns, dtype=np.float64).reshape(shape).transpose(1, 0, 2)
 
 
-def _edges_of_touch(shadows: Sequence[Shadow]) -> tuple[float, float]:
+def edges_of_touch(shadows: Sequence[Shadow]) -> tuple[float, float]:
     """Return the edges of the widest shadow, NaN if one of them is not seen."""
-    widest = max(shadows, key=lambda shadow: shadow.right_px - shadow.left_px, default=None)
+    widest = max(shadows, key=_width_px, default=None)
     if widest is None or not (widest.left_valid and widest.right_valid):
         return np.nan, np.nan
-    if widest.right_px - widest.left_px < SMALLEST_WIDTH_PX:
+    if _width_px(widest) < SMALLEST_WIDTH_PX:
         return np.nan, np.nan
     return widest.left_px, widest.right_px
+
+
+def touches_seen(shadows: Sequence[Shadow]) -> int:
+    """Return how many shadows are wide enough to be touches."""
+    return sum(_width_px(shadow) >= SMALLEST_WIDTH_PX for shadow in shadows)
+
+
+def _width_px(shadow: Shadow) -> float:
+    return shadow.right_px - shadow.left_px

@@ -2,40 +2,62 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from cornertouchd.calibration.board_sights import BoardSight
 from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.gathering import ReferenceTouches, Taps, gather_touches
 from cornertouchd.config import VisionSettings
 from cornertouchd.devices.recording import RecordedPoint, Recording
 
+NOWHERE = np.empty((0, 2))
+
 
 def gather_recorded(
-    taps: Recording,
+    taps: Recording | None,
     points: Sequence[RecordedPoint],
     scribble: Recording | None,
     empty: Recording,
     settings: VisionSettings,
+    boards: Sequence[BoardSight] = (),
 ) -> ReferenceTouches:
     """Return what the cameras saw of the taps at `points`, of a scribble and of the empty surface.
 
     Frame sets of `taps` that `points` does not name are left out.  Raises `CalibrationError`.
     """
-    for other in (empty, scribble):
-        if other is not None and dict(other.formats) != dict(taps.formats):
-            raise CalibrationError(
-                f"{other.directory}: its cameras or picture sizes are not those of "
-                f"{taps.directory}; record all parts with the same settings"
-            )
+    for other in (taps, scribble):
+        if other is not None:
+            _require_same_rig(empty, other)
+    known = _known_taps(taps, points) if taps is not None else Taps((), NOWHERE, NOWHERE[:, 0])
+    given = gather_touches(empty.surface_mm, empty.formats, empty, known, scribble or (), settings)
+    return replace(given, identities=empty.identities, boards=boards)
+
+
+def _known_taps(taps: Recording, points: Sequence[RecordedPoint]) -> Taps:
     places, diameters = _places(taps, points)
     tapped = np.isfinite(places).all(axis=1).tolist()
-    known = Taps(
+    return Taps(
         (frames for frames, use in zip(taps, tapped, strict=True) if use),
         places[tapped],
         diameters[tapped],
     )
-    return gather_touches(taps.surface_mm, taps.formats, empty, known, scribble or (), settings)
+
+
+def _require_same_rig(empty: Recording, other: Recording) -> None:
+    if dict(other.formats) != dict(empty.formats) or other.surface_mm != empty.surface_mm:
+        raise CalibrationError(
+            f"{other.directory}: its surface, cameras or picture sizes are not those of "
+            f"{empty.directory}; record all parts with the same settings"
+        )
+    for camera, identity in empty.identities.items():
+        theirs = other.identities[camera]
+        if identity and theirs and identity != theirs:
+            raise CalibrationError(
+                f"{other.directory}: camera {camera} is another one ({theirs}) than in "
+                f"{empty.directory} ({identity}); record all parts with the same cameras"
+            )
 
 
 def _places(taps: Recording, points: Sequence[RecordedPoint]) -> tuple[np.ndarray, np.ndarray]:

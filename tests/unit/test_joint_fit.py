@@ -12,6 +12,7 @@ POSITIONS = np.array([[-3.0, -5.0], [352.0, -4.0], [355.0, 402.0], [-2.0, 406.0]
 YAWS = np.deg2rad([45.8, 134.1, 226.0, 314.5])
 START = StartingPoint(
     np.array([[0.0, 0.0], [350.0, 0.0], [350.0, 400.0], [0.0, 400.0]]),
+    15.0,
     np.column_stack([np.deg2rad([45, 135, 225, 315]), np.full(4, np.deg2rad(50))]),
     np.full(4, WIDTH_PX),
 )
