@@ -38,6 +38,11 @@ class CameraPort(Protocol):
         ...
 
     @property
+    def identity(self) -> str:
+        """What tells this very camera from others of its kind; empty while that is not known."""
+        ...
+
+    @property
     def format(self) -> PictureFormat:
         """Size and rows of the pictures that it gives."""
         ...

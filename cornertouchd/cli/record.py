@@ -32,10 +32,13 @@ def record(directory: Path, seconds: float | None, notes: str, config_file: Path
     )
     surface_mm = (settings.surface.width_mm, settings.surface.height_mm)
     formats = {port.id: port.format for port in ports}
+    identities = {port.id: port.identity for port in ports}
     count = 0
     with (
         StopSignal() as stop,
-        RecordingWriter(directory, surface_mm, settings.cameras.rate_hz, formats, notes) as writer,
+        RecordingWriter(
+            directory, surface_mm, settings.cameras.rate_hz, formats, notes, identities
+        ) as writer,
     ):
         click.echo(f"recording into {directory}; Ctrl-C ends", err=True)
         until_s = math.inf  # counted from the first frame set: cameras take a while to start

@@ -5,10 +5,12 @@ what it hides is made up for as far as can be: pictures are counted, a wrong siz
 """
 
 from collections.abc import Callable
+from pathlib import Path
 
 import cv2
 import numpy as np
 
+from cornertouchd.devices.camera_identity import SYSFS, camera_identity
 from cornertouchd.model import Frame, Picture, PictureFormat
 from cornertouchd.ports import CameraError
 
@@ -17,7 +19,7 @@ OLDEST_STAMP_S = 1.0
 
 
 class OpenCvCameraPort:
-    """A video device by its path; `now_s` reads CLOCK_MONOTONIC."""
+    """A video device by its path; `now_s` reads CLOCK_MONOTONIC, `sysfs` is mounted there."""
 
     def __init__(
         self,
@@ -26,17 +28,24 @@ class OpenCvCameraPort:
         picture_format: PictureFormat,
         rate_hz: float,
         now_s: Callable[[], float],
+        sysfs: Path = SYSFS,
     ) -> None:
         self._id = camera_id
         self._device = device
         self._format = picture_format
         self._rate_hz = rate_hz
         self._now_s = now_s
+        self._sysfs = sysfs
 
     @property
     def id(self) -> str:
         """Name of the camera."""
         return self._id
+
+    @property
+    def identity(self) -> str:
+        """What tells the camera that is plugged in now from others; empty if none is."""
+        return camera_identity(self._device, self._sysfs)
 
     @property
     def format(self) -> PictureFormat:

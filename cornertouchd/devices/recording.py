@@ -54,6 +54,11 @@ class Recording:
         return {camera.id: camera.format for camera in self.description.cameras}
 
     @property
+    def identities(self) -> dict[str, str]:
+        """What tells each camera from others of its kind, empty where that is not known."""
+        return {camera.id: camera.identity for camera in self.description.cameras}
+
+    @property
     def notes(self) -> str:
         """What whoever recorded wanted to say."""
         return self.description.notes

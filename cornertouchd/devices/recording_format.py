@@ -35,7 +35,7 @@ class _Entry(BaseModel):
 
 
 class RecordedCamera(_Entry):
-    """A camera of a recording and the video with its pictures."""
+    """A camera of a recording and the video with its pictures; no identity: not known."""
 
     id: str = Field(min_length=1)
     file: str = Field(pattern=r"^[^/\x00]+$")
@@ -43,6 +43,7 @@ class RecordedCamera(_Entry):
     height_px: int = Field(ge=1, le=65_536)
     row_offset_px: int = Field(ge=0)
     rows_px: int = Field(ge=1)
+    identity: str = Field("", max_length=200)
 
     @model_validator(mode="after")
     def _refuse_rows_below_the_image(self) -> Self:

@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Self
 
 import cv2
@@ -32,6 +32,8 @@ from cornertouchd.model import Frame, PictureFormat
 # for what its videos still hold in memory (less than 1 MiB each) and for other programs.
 LEAST_FREE_BYTES = 16 * 2**20
 
+NOT_KNOWN: Mapping[str, str] = MappingProxyType({})
+
 
 class RecordingWriter:
     """Writes a recording frame set by frame set, in one thread.
@@ -48,9 +50,10 @@ class RecordingWriter:
         rate_hz: float,
         formats: Mapping[str, PictureFormat],
         notes: str = "",
+        identities: Mapping[str, str] = NOT_KNOWN,
     ) -> None:
         self._directory = directory
-        self._description = _describe(directory, surface_mm, rate_hz, formats, notes)
+        self._description = _describe(directory, surface_mm, rate_hz, formats, notes, identities)
         self._frame_sets = 0
         self._failed = False
         self._closed = False
@@ -188,6 +191,7 @@ def _describe(
     rate_hz: float,
     formats: Mapping[str, PictureFormat],
     notes: str,
+    identities: Mapping[str, str],
 ) -> Description:
     try:
         return Description(
@@ -196,14 +200,16 @@ def _describe(
             complete=False,
             surface_mm=surface_mm,
             rate_hz=rate_hz,
-            cameras=tuple(_recorded(name, form) for name, form in formats.items()),
+            cameras=tuple(
+                _recorded(name, form, identities.get(name, "")) for name, form in formats.items()
+            ),
             notes=notes,
         )
     except ValidationError as error:
         raise RecordingError(f"{directory}: cannot record: {error}") from error
 
 
-def _recorded(name: str, form: PictureFormat) -> RecordedCamera:
+def _recorded(name: str, form: PictureFormat, identity: str) -> RecordedCamera:
     return RecordedCamera(
         id=name,
         file=f"{name.lower()}.mkv",
@@ -211,6 +217,7 @@ def _recorded(name: str, form: PictureFormat) -> RecordedCamera:
         height_px=form.height_px,
         row_offset_px=form.row_offset_px,
         rows_px=form.rows_px,
+        identity=identity,
     )
 
 

@@ -55,6 +55,8 @@ class UdpDestination:
         if not 0 < port < 65536:
             raise ValueError(f"UDP destination {host} has port {port}; give one of 1..65535")
         self._host = host
+        # no log takes what is no character
+        self._shown = f"{host.encode(errors='backslashreplace').decode()}:{port}"
         self._port = port
         self._resolve = resolve
         self._answers: queue.SimpleQueue[list[Address] | OSError] = queue.SimpleQueue()
@@ -184,11 +186,11 @@ class UdpDestination:
         self._fault_at_s = now_s
         if self._fault is None:
             self._fault = error.strerror or str(error)
-            log.warning("TUIO destination %s:%d: %s", self._host, self._port, self._fault)
+            log.warning("TUIO destination %s: %s", self._shown, self._fault)
 
     def _note_success(self, now_s: float) -> None:
         if self._fault is not None and now_s - self._fault_at_s >= RECOVERED_AFTER_S:
-            log.info("TUIO destination %s:%d is reached again", self._host, self._port)
+            log.info("TUIO destination %s is reached again", self._shown)
             self._fault = None
 
 

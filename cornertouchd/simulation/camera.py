@@ -44,6 +44,7 @@ class SimulatedCameraPort:
         start_s: float,
         rate_hz: float = 100.0,
         speed: float = 1.0,
+        identity: str = "",
     ) -> None:
         if not rate_hz > 0.0:
             raise ValueError(f"camera {camera_id}: rate_hz is {rate_hz:g}; give one above 0")
@@ -55,11 +56,17 @@ class SimulatedCameraPort:
         self._start_s = start_s
         self._rate_hz = rate_hz
         self._speed = speed
+        self._identity = identity
 
     @property
     def id(self) -> str:
         """Name of the camera: C1, C2, ..."""
         return self._id
+
+    @property
+    def identity(self) -> str:
+        """What tells it from cameras of other rigs; empty if nobody said."""
+        return self._identity
 
     @property
     def format(self) -> PictureFormat:
@@ -153,10 +160,23 @@ def painted_ports(
     clock: Clock,
     rate_hz: float = 100.0,
     speed: float = 1.0,
+    rig_name: str = "",
 ) -> tuple[SimulatedCameraPort, ...]:
-    """Return the ports of cameras whose pictures are painted so; the first is captured now."""
+    """Return the ports of cameras whose pictures are painted so; the first is captured now.
+
+    Cameras of a rig that has a name have an identity.
+    """
     start_s = clock.now_s()
     return tuple(
-        SimulatedCameraPort(camera_id, form, paints[camera_id], clock, start_s, rate_hz, speed)
+        SimulatedCameraPort(
+            camera_id,
+            form,
+            paints[camera_id],
+            clock,
+            start_s,
+            rate_hz,
+            speed,
+            f"{rig_name} {camera_id}" if rig_name else "",
+        )
         for camera_id, form in formats.items()
     )

@@ -27,6 +27,7 @@ class FakePort:
     """A camera that does what the script says: good, none, garbage, gone, absent, bug."""
 
     id = "C1"
+    identity = ""
     format = PictureFormat(4, 3, 0, 3)
 
     def __init__(self, script: list[Step]) -> None:

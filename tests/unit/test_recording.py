@@ -101,6 +101,21 @@ class TestReadingBack:
         for index, frame_set in enumerate(recording):
             assert_same(frame_set, make_frame_set(index))
 
+    def test_which_camera_it_was_is_read_where_it_is_known(self, tmp_path, directory):
+        identities = {"C1": "usb 1:2 serial 7"}
+        with RecordingWriter(
+            tmp_path / "known", (350.0, 400.0), 100.0, FORMATS, identities=identities
+        ):
+            pass
+        unknown = dict.fromkeys(FORMATS, "")
+        assert open_recording(tmp_path / "known").identities == unknown | identities
+        assert open_recording(directory).identities == unknown
+        description = json.loads((directory / "recording.json").read_text())
+        for camera in description["cameras"]:
+            camera.pop("identity")
+        rewrite_description(directory, cameras=description["cameras"])
+        assert open_recording(directory).identities == unknown
+
     def test_it_can_be_read_again_and_twice_at_a_time(self, directory):
         recording = open_recording(directory)
         for first, second in zip(recording, recording, strict=True):

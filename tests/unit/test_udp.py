@@ -327,7 +327,11 @@ def test_an_unknown_name_is_asked_for_again_every_ten_seconds_and_logged_once(
     ]
 
 
-@pytest.mark.parametrize("host", ["a..b", "x" * 300, "\udc80", "a\0b"])
+@pytest.mark.parametrize(
+    "host",
+    ["a..b", "x" * 300, "\udc80", "a\0b"],
+    ids=["empty label", "too long", "surrogate", "NUL"],
+)
 def test_a_name_that_cannot_be_one_is_a_fault_not_a_crash(make_sink: MakeSink, host: str) -> None:
     sink = make_sink((host, 3333, SURFACE))
     sink.tick(0.0)
