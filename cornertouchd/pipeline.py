@@ -5,6 +5,7 @@ SurfacePipeline, in the fusion thread:    FrameSet -> directing lines -> contact
 """
 
 from cornertouchd.calibration.calibration import Calibration, CalibrationError, CameraCalibration
+from cornertouchd.calibration.drift import Drift, DriftWatch
 from cornertouchd.config import Settings
 from cornertouchd.fusion.crossing import make_crossing
 from cornertouchd.fusion.tracking import Tracker
@@ -75,8 +76,13 @@ class SurfacePipeline:
     def __init__(self, calibration: Calibration, settings: Settings) -> None:
         self._models = {camera.id: camera.model for camera in calibration.cameras}
         self._edge_sigma_px = settings.crossing.edge_sigma_px
-        self._crossing = make_crossing(settings.crossing, calibration.surface_mm)
+        self._crossing = make_crossing(
+            settings.crossing,
+            calibration.surface_mm,
+            reconstructed=calibration.method == "reconstruction",
+        )
         self._tracker = Tracker(settings.tracking)
+        self._drift = DriftWatch(calibration)
 
     def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
         """Return what touches the surface in one frame set, whatever was before."""
@@ -90,6 +96,17 @@ class SurfacePipeline:
     def follow(self, frame_set: FrameSet, contacts: tuple[Contact, ...]) -> tuple[Touch, ...]:
         """Return the touches after a frame set with these contacts."""
         return self._tracker.update(frame_set.captured_at_s, contacts)
+
+    def find_drift(
+        self, frame_set: FrameSet, contacts: tuple[Contact, ...], touches: tuple[Touch, ...]
+    ) -> Drift | None:
+        """Return what has moved since it was calibrated, as far as touches up to these tell.
+
+        The same object until something changes.  Takes a millisecond now and then, so it is for
+        after the touches have been told.
+        """
+        self._drift.follow(frame_set, contacts, touches)
+        return self._drift.drift
 
     def reset(self) -> None:
         """Forget all touches; the next ones get new ids."""

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from cornertouchd.calibration.calibration import Calibration
+from cornertouchd.calibration.drift import Drift
 from cornertouchd.config import Settings
 from cornertouchd.fusion.pairing import FrameSetPairing
 from cornertouchd.model import Observation
@@ -31,7 +32,7 @@ class Daemon:
         self._captures = []
         for port in ports:
             camera = calibration.camera(port.id)
-            camera.require_format(port.format)
+            camera.require_camera(port.format, port.identity)
             pipeline = CameraPipeline(camera, settings)
             self._captures.append(CaptureThread(port, pipeline, box, settings.cameras))
         self._fusion = FusionThread(
@@ -68,6 +69,11 @@ class Daemon:
     def fusion_counts(self) -> FusionCounts:
         """Return what happened in the fusion thread so far."""
         return self._fusion.counts()
+
+    @property
+    def drift(self) -> Drift | None:
+        """The camera that has moved since it was calibrated, as far as touches tell."""
+        return self._fusion.drift
 
     def _live_cameras(self) -> tuple[str, ...]:
         return tuple(capture.camera for capture in self._captures if capture.counts().live)

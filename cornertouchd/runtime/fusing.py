@@ -1,9 +1,11 @@
 """The fusion thread: pair, cross, track, tell the sinks."""
 
+import logging
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from cornertouchd.calibration.drift import Drift
 from cornertouchd.fusion.pairing import FrameSetPairing
 from cornertouchd.model import FrameSet, Observation, TouchFrame
 from cornertouchd.pipeline import SurfacePipeline
@@ -24,6 +26,8 @@ that has but two works with what they tell; one that lost two of four sends no t
 
 SKIPPED_IN_A_ROW = 50
 """Frame sets skipped one after the other until it is said: half a second at the usual rate."""
+
+_log = logging.getLogger("cornertouchd")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +76,7 @@ class FusionThread:
         self._begun: set[int] = set()
         self._frame_sets = self._partial = self._skipped = self._skipped_in_a_row = 0
         self._touches_begun = self._touches_now = self._dropped = 0
+        self._drift: Drift | None = None
 
     def start(self) -> None:
         """Begin to fuse."""
@@ -96,6 +101,11 @@ class FusionThread:
             self._faults.count,
             self._dropped,
         )
+
+    @property
+    def drift(self) -> Drift | None:
+        """The camera that has moved since it was calibrated.  Any thread may ask."""
+        return self._drift
 
     def _run(self) -> None:
         for sink in self._sinks:
@@ -155,6 +165,16 @@ class FusionThread:
         self._touches_begun += len(ids - self._begun)
         self._begun = ids
         self._touches_now = len(ids)
+        self._tell_drift(self._pipeline.find_drift(frame_set, contacts, touches))
+
+    def _tell_drift(self, drift: Drift | None) -> None:
+        if drift is self._drift:
+            return
+        self._drift = drift
+        if drift is not None:
+            _log.warning("%s", drift)
+        else:
+            _log.warning("touches fit the calibration again")
 
     def _skip(self, frame_set: FrameSet) -> None:
         self._skipped += 1

@@ -48,7 +48,7 @@ class Replay:
         self._cameras: dict[str, CameraPipeline] = {}
         for camera, size in recording.formats.items():
             known = calibration.camera(camera)
-            known.require_format(size)
+            known.require_camera(size, recording.identities[camera])
             self._cameras[camera] = CameraPipeline(known, settings)
         require_surface(calibration, recording.surface_mm, str(recording.directory))
         self._surface = SurfacePipeline(calibration, settings)

@@ -3,6 +3,7 @@
 import logging
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -12,8 +13,14 @@ from cornertouchd.model import TouchFrame
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.daemon import Daemon
 from cornertouchd.runtime.simulated_rig import calibrate_rig
-from cornertouchd.simulation.camera import Fault, SimulatedCameraPort, rig_ports
+from cornertouchd.simulation.camera import (
+    Fault,
+    SimulatedCameraPort,
+    painted_ports,
+    rig_ports,
+)
 from cornertouchd.simulation.fingers import Finger
+from cornertouchd.simulation.painting import painter
 from cornertouchd.simulation.rig import SimulatedRig
 from cornertouchd.simulation.scripts import TimedFinger
 
@@ -153,3 +160,19 @@ def test_a_rig_that_was_not_calibrated_so_is_refused(calibration: Calibration) -
     ports = rig_ports(other, lambda _: (), clock, 40.0)
     with pytest.raises(CalibrationError, match=r"C1: gives pictures of 1280x720"):
         Daemon(ports, calibration, [], SETTINGS, clock)
+
+
+def test_cameras_whose_cables_were_exchanged_are_refused(
+    rig: SimulatedRig, calibration: Calibration
+) -> None:
+    clock = MonotonicClock()
+    paints = {camera: painter(rig, lambda _: (), camera) for camera in rig.formats}
+    known = replace(
+        calibration,
+        cameras=tuple(replace(c, identity=f"kiosk {c.id}") for c in calibration.cameras),
+    )
+    same = painted_ports(rig.formats, paints, clock, rig_name="kiosk")
+    Daemon(same, known, [], SETTINGS, clock)
+    others = painted_ports(rig.formats, paints, clock, rig_name="another kiosk")
+    with pytest.raises(CalibrationError, match=r"C1: is another camera .*cables exchanged"):
+        Daemon(others, known, [], SETTINGS, clock)

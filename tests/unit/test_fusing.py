@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from cornertouchd.calibration.drift import Drift
 from cornertouchd.config import PairingSettings
 from cornertouchd.fusion.pairing import FrameSetPairing
 from cornertouchd.model import Contact, FrameSet, Observation, Touch, TouchFrame
@@ -55,6 +56,7 @@ class StubSurface:
     def __init__(self) -> None:
         self.broken = False
         self.resets = 0
+        self.drift: Drift | None = None
 
     def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
         if self.broken:
@@ -63,6 +65,9 @@ class StubSurface:
 
     def follow(self, frame_set: FrameSet, contacts: tuple[Contact, ...]) -> tuple[Touch, ...]:
         return (Touch(1, 10.0, 20.0, 0.0, 0.0, 0.0),)
+
+    def find_drift(self, *_: object) -> Drift | None:
+        return self.drift
 
     def reset(self) -> None:
         self.resets += 1
@@ -160,6 +165,25 @@ def test_a_stage_that_raises_lifts_and_the_thread_goes_on(
     assert "a stage's bug" in caplog.text
     assert "works again" in caplog.text
     assert bench.thread.counts().faults >= 1
+
+
+def test_a_drift_is_told_once_and_so_is_its_end(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    drift = Drift("C3", 0.7, 0.8, 0.0, 0.0)
+    with caplog.at_level(logging.WARNING):
+        for step, found in enumerate((None, drift, drift, drift, None, None)):
+            bench.surface.drift = found
+            bench.see(1.0 + 0.01 * step)
+            bench.sink.wait_until(lambda sink, step=step: len(sink.frames) == 1 + step)
+            bench.wait_for_counts(lambda counts, step=step: counts.touches_begun == 1)
+            bench.sink.wait_until(lambda sink, ticks=bench.sink.ticks: sink.ticks > ticks)
+            assert bench.thread.drift is found
+    told = [record.message for record in caplog.records]
+    assert told == [
+        "camera C3 has moved about 0.8 mm; recalibrate",
+        "touches fit the calibration again",
+    ]
 
 
 def test_the_end_closes_the_sinks(bench: Bench) -> None:
