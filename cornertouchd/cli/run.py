@@ -8,7 +8,12 @@ import click
 
 from cornertouchd.cli.working import config_name, log_to_stderr, work
 from cornertouchd.config import Settings, find_settings, read_settings
-from cornertouchd.runtime.assembly import find_calibration, make_ports, make_tuio_sink
+from cornertouchd.runtime.assembly import (
+    find_calibration,
+    find_display,
+    make_ports,
+    make_tuio_sink,
+)
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.daemon import Daemon
 from cornertouchd.runtime.stop_signal import StopSignal
@@ -30,11 +35,12 @@ def run(config_file: Path | None) -> None:
     settings = read_settings(path) if path else Settings()
     clock = MonotonicClock()
     calibration = find_calibration(settings, os.environ)
+    display = find_display(settings, os.environ)
     with StopSignal() as stop:
         daemon = Daemon(
             make_ports(settings, clock),
             calibration,
-            [make_tuio_sink(settings, calibration.surface_mm, config_name(path))],
+            [make_tuio_sink(settings, calibration.surface_mm, config_name(path), display)],
             settings,
             clock,
         )

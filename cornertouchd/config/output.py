@@ -27,7 +27,9 @@ class DestinationSettings(Table):
         ge=0.0,
         le=10_000.0,
         description="Left side of the display, measured from the left side of the surface. Set the "
-        "four display values if the picture does not fill the frame.",
+        "four display values if the picture does not fill the frame, or run `cornertouchd "
+        "calibrate display`: what it finds holds for every destination whose four display values, "
+        "rotation_deg and mirror are all at their defaults.",
     )
     display_top_mm: float = Field(
         0.0,
@@ -49,11 +51,13 @@ class DestinationSettings(Table):
     )
     rotation_deg: Literal[0, 90, 180, 270] = Field(
         0,
-        description="Turns the coordinates clockwise, for a display that is mounted turned.",
+        description="Turns the coordinates clockwise, for a display that is mounted turned. "
+        "`cornertouchd calibrate display` finds it out.",
     )
     mirror: bool = Field(
         False,
-        description="Swaps left and right before turning, for projection from behind.",
+        description="Swaps left and right before turning, for projection from behind. "
+        "`cornertouchd calibrate display` finds it out.",
     )
 
     @field_validator("rotation_deg", mode="before")

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from cornertouchd.calibration.calibration import Calibration, CalibrationError
+from cornertouchd.calibration.display import DisplayPlace, load_display
 from cornertouchd.calibration.file import load_calibration
 from cornertouchd.config import CameraSettings, DestinationSettings, Settings
 from cornertouchd.devices.opencv_camera import OpenCvCameraPort
@@ -20,6 +21,16 @@ from cornertouchd.simulation.painting import PaintingProcess
 from cornertouchd.wire.mapping import DisplayMapping
 from cornertouchd.wire.tuio import default_source_name, seed_at
 
+DISPLAY_KEYS = {
+    "display_left_mm",
+    "display_top_mm",
+    "display_width_mm",
+    "display_height_mm",
+    "rotation_deg",
+    "mirror",
+}
+"""Settings of a destination that say where its display lies."""
+
 SAME_SURFACE_MM = 0.5
 """Two figures for the same surface, rounded by whoever measured."""
 
@@ -32,7 +43,10 @@ def make_ports(settings: Settings, clock: Clock) -> tuple[CameraPort, ...]:
         used = {camera: formats[camera] for camera in formats if camera in cameras.enabled_ids}
         painting = PaintingProcess(partial(make_show, settings), used)
         paints = {camera: painting.painter(camera) for camera in used}
-        return painted_ports(used, paints, clock, cameras.rate_hz, settings.simulation.speed)
+        speed, seed = settings.simulation.speed, settings.simulation.seed
+        return painted_ports(
+            used, paints, clock, cameras.rate_hz, speed, f"simulated rig seed {seed}"
+        )
     return tuple(
         OpenCvCameraPort(
             camera_id,
@@ -87,12 +101,40 @@ def calibration_file(settings: Settings, environ: Mapping[str, str]) -> Path:
     return Path(given) if given else state_directory(environ) / "calibration.json"
 
 
+def display_file(environ: Mapping[str, str]) -> Path:
+    """Return where it is kept in which part of the surface the display lies."""
+    return state_directory(environ) / "display.json"
+
+
+def find_display(settings: Settings, environ: Mapping[str, str]) -> DisplayPlace | None:
+    """Return where the display lies, None if nobody calibrated that.  Raises `CalibrationError`.
+
+    A simulated rig has no display.
+    """
+    if settings.cameras.source == "simulated":
+        return None
+    path = display_file(environ)
+    try:
+        place = load_display(path)
+    except FileNotFoundError:
+        return None
+    try:
+        place.require_on((settings.surface.width_mm, settings.surface.height_mm))
+    except CalibrationError as error:
+        raise CalibrationError(f"{path}: {error}") from None
+    return place
+
+
 def make_tuio_sink(
-    settings: Settings, surface_mm: tuple[float, float], config_file: str
+    settings: Settings,
+    surface_mm: tuple[float, float],
+    config_file: str,
+    display: DisplayPlace | None = None,
 ) -> UdpTuioSink:
     """Return the sink that tells all destinations of touches on a surface of this size.
 
-    `config_file` tells two daemons on one machine apart.
+    `config_file` tells two daemons on one machine apart; `display` is where the display was found
+    to lie.
     """
     destinations = settings.tuio.destinations
     address = local_address(destinations[0].host) if destinations else "127.0.0.1"
@@ -104,7 +146,7 @@ def make_tuio_sink(
     )
     seed = seed_at(time.time())
     return UdpTuioSink(
-        [(to.host, to.port, display_mapping(surface_mm, to)) for to in destinations],
+        [(to.host, to.port, display_mapping(surface_mm, to, display)) for to in destinations],
         source,
         seed,
         seed,
@@ -112,9 +154,24 @@ def make_tuio_sink(
 
 
 def display_mapping(
-    surface_mm: tuple[float, float], destination: DestinationSettings
+    surface_mm: tuple[float, float],
+    destination: DestinationSettings,
+    display: DisplayPlace | None,
 ) -> DisplayMapping:
-    """Return where a destination's display lies on a surface of this width and height."""
+    """Return where a destination's display lies on a surface of this width and height.
+
+    As its settings say; if they say nothing, where `display` was found to lie.
+    """
+    here = destination.model_dump(include=DISPLAY_KEYS)
+    if display is not None and here == DestinationSettings().model_dump(include=DISPLAY_KEYS):
+        return DisplayMapping(
+            display.left_mm,
+            display.top_mm,
+            display.width_mm,
+            display.height_mm,
+            display.rotation_deg,
+            display.mirror,
+        )
     left, top = destination.display_left_mm, destination.display_top_mm
     return DisplayMapping(
         left,
