@@ -18,6 +18,10 @@ HORIZON_SAMPLES = 5
 GAIN_RANGE = (0.9, 1.1)
 """Exposure may differ this much from that of the empty pictures before it counts as light lost."""
 
+DARKEST_SHARE = 0.24
+"""Columns of a dead LED, darker than this share of the strip, tell nothing: the light that a finger
+throws back, a tenth of the strip's, would look like a gap in its shadow (rendered pictures)."""
+
 
 class ProfileSampler:
     """Samples the profile of one camera's pictures; knows its strip and its empty reference.
@@ -32,7 +36,8 @@ class ProfileSampler:
         self._indices, self._weights = _horizon_taps(strip, rows_px, settings.horizon_band)
         self._dark = strip.dark_level
         reference = self._sample(empty) - self._dark
-        self._known = strip.visible & (reference > settings.smallest_reference)
+        darkest = DARKEST_SHARE * float(np.median(reference[strip.visible]))
+        self._known = strip.visible & (reference > max(settings.smallest_reference, darkest))
         self._scale = 1.0 / np.maximum(reference, 1.0)
         self._columns = np.arange(width)
         self._known_columns = np.flatnonzero(self._known)
