@@ -4,7 +4,6 @@ import hashlib
 import itertools
 import logging
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -13,19 +12,21 @@ from cornertouchd import __version__
 from cornertouchd.calibration.calibration import Calibration, CalibrationError
 from cornertouchd.calibration.file import load_calibration, save_calibration
 from cornertouchd.calibration.gathering import Taps, gather_touches
-from cornertouchd.calibration.methods import Stamp, calibrate
+from cornertouchd.calibration.methods import calibrate
 from cornertouchd.config import Settings
+from cornertouchd.guiding.targets import calibration_targets
 from cornertouchd.model import Frame
 from cornertouchd.runtime.places import cache_directory
+from cornertouchd.runtime.stamping import stamp_now
 from cornertouchd.simulation.fingers import Finger
 from cornertouchd.simulation.rig import SimulatedRig
 from cornertouchd.simulation.scripts import (
     Script,
-    calibration_taps,
     demo_script,
     scribble,
 )
 
+ROWS_PX = 64
 EMPTY_SETS = 16
 SCRIBBLE_TOUCHES = 120
 TAP_DIAMETER_MM = 8.0
@@ -41,13 +42,14 @@ SAME_PICTURE_GREY = 3.0
 _log = logging.getLogger("cornertouchd")
 
 
-def make_rig(settings: Settings) -> SimulatedRig:
-    """Return the simulated rig that the settings describe."""
+def make_rig(settings: Settings, rows_px: int = ROWS_PX) -> SimulatedRig:
+    """Return the simulated rig that the settings describe, with pictures of so many rows."""
     surface_mm = (settings.surface.width_mm, settings.surface.height_mm)
     return SimulatedRig(
         surface_mm,
         width_px=settings.cameras.width_px,
         height_px=settings.cameras.height_px,
+        rows_px=rows_px,
         seed=settings.simulation.seed,
     )
 
@@ -76,7 +78,7 @@ def calibrated_rig(settings: Settings, environ: Mapping[str, str]) -> Calibratio
 
 def calibrate_rig(rig: SimulatedRig, settings: Settings) -> Calibration:
     """Calibrate a simulated rig as a person would: empty surface, 16 taps, a scribble."""
-    places = calibration_taps(rig.surface_mm)
+    places = calibration_targets(rig.surface_mm)
     somewhere = scribble(rig.surface_mm, SCRIBBLE_TOUCHES, settings.simulation.seed)
     pictures = itertools.count(FIRST_PICTURE)
     given = gather_touches(
@@ -91,8 +93,7 @@ def calibrate_rig(rig: SimulatedRig, settings: Settings) -> Calibration:
         (_touched(rig, next(pictures), place) for place in somewhere),
         settings.vision,
     )
-    stamp = Stamp(datetime.now(UTC).isoformat(timespec="seconds"), __version__)
-    return calibrate("auto", given, TAP_SIGMA_MM, stamp)
+    return calibrate("auto", given, TAP_SIGMA_MM, stamp_now())
 
 
 def _touched(rig: SimulatedRig, index: int, place: tuple[float, float]) -> tuple[Frame, ...]:

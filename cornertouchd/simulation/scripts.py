@@ -251,15 +251,6 @@ def _cells(surface_mm: tuple[float, float], count: int) -> list[tuple[float, flo
     return cells
 
 
-def calibration_taps(
-    surface_mm: tuple[float, float], columns: int = 4, rows: int = 4, inset_mm: float = 25.0
-) -> FloatArray:
-    """Return a grid of places to tap (columns x rows, 2), row by row, in millimetres."""
-    x_mm = np.linspace(inset_mm, surface_mm[0] - inset_mm, columns)
-    y_mm = np.linspace(inset_mm, surface_mm[1] - inset_mm, rows)
-    return np.stack([np.tile(x_mm, rows), np.repeat(y_mm, columns)], axis=1)
-
-
 def scribble(
     surface_mm: tuple[float, float], n: int, seed: int = 1, inset_mm: float = 10.0
 ) -> FloatArray:

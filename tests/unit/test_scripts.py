@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from cornertouchd.simulation.scripts import (
     Script,
-    calibration_taps,
     crossing_paths,
     demo_script,
     drag,
@@ -200,14 +199,6 @@ def test_two_hands_are_ten_fingers_that_stay_on_the_surface(
 def test_scripts_played_together_keep_their_fingers_apart_by_key() -> None:
     script = together(drag((0.0, 0.0), (9.0, 0.0)), two_hands(SMALL_MM), taps([(50.0, 60.0)]))
     assert len(places(script, 0.01)) == 12
-
-
-def test_calibration_taps_are_a_grid_with_distance_from_the_sides() -> None:
-    grid_mm = calibration_taps(SMALL_MM, columns=4, rows=3, inset_mm=20.0)
-    assert grid_mm.shape == (12, 2)
-    assert grid_mm[0].tolist() == [20.0, 20.0]
-    assert grid_mm[3].tolist() == [330.0, 20.0]
-    assert grid_mm[-1].tolist() == [330.0, 380.0]
 
 
 def test_a_scribble_covers_the_surface_and_can_be_repeated() -> None:

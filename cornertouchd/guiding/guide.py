@@ -1,0 +1,276 @@
+"""A guided calibration: cameras, empty strip, taps, scribble, result."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cornertouchd.calibration.auto import FEWEST_TOUCHES, starting_point
+from cornertouchd.calibration.board_sights import BoardSight
+from cornertouchd.calibration.calibration import CalibrationError, Method
+from cornertouchd.calibration.fitted import Fitted
+from cornertouchd.calibration.gathering import ReferenceTouches
+from cornertouchd.calibration.joint_fit import TouchColumns
+from cornertouchd.calibration.methods import fit
+from cornertouchd.config import VisionSettings
+from cornertouchd.guiding.checking import CameraCheck, check_camera
+from cornertouchd.guiding.coverage import ScribbleCoverage
+from cornertouchd.guiding.empty_surface import EmptyLearner, EmptySurface
+from cornertouchd.guiding.finger_watch import FingerWatch
+from cornertouchd.guiding.progress import TapStore
+from cornertouchd.guiding.status import Status, Step
+from cornertouchd.guiding.target_taps import TargetTaps
+from cornertouchd.locating.angle_polynomial import AnglePolynomial
+from cornertouchd.locating.camera_model import CameraModel
+from cornertouchd.model import FloatArray, Frame, Picture, PictureFormat
+
+CHECK_PICTURES = 16
+"""Pictures of a camera that are looked at together: their mean has a quarter of the noise."""
+
+FAR_OFF_MM = 60.0
+FAR_OFF_SHARE = 0.15
+"""Before anything is calibrated a tap is located to so many millimetres, or to this share of the
+surface's diagonal: lens and mounting are not known yet."""
+
+BAD_IN_CAMERAS = 2
+"""A tap that does not fit in so many cameras was beside its place; in one, the view was blocked."""
+
+FEWEST_TO_CHECK = FEWEST_TOUCHES + 4
+"""With fewer taps cameras cannot be fitted, or nothing is left over to tell a bad one by."""
+
+MOST_ROUNDS = 3
+"""Times that bad taps are asked for again; then the fit goes without them."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What is to be calibrated, and how."""
+
+    method: Method
+    surface_mm: tuple[float, float]
+    formats: Mapping[str, PictureFormat]
+    identities: Mapping[str, str]
+    targets_mm: FloatArray
+    tap_sigma_mm: float
+    vision: VisionSettings
+    store: TapStore
+    boards: Sequence[BoardSight] = ()
+
+
+class CheckCameras:
+    """First: is every camera fit for it?  Looks on until none has a bad finding."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._pictures: dict[str, list[Picture]] = {camera: [] for camera in rig.formats}
+        self._checks: tuple[CameraCheck, ...] = ()
+
+    @property
+    def status(self) -> Status:
+        """What to do, and how far it is."""
+        unfit = [check.camera for check in self._checks if check.verdict == "bad"]
+        hint = f"see to {', '.join(unfit)}" if unfit else "looking at the cameras"
+        seen = min(len(pictures) for pictures in self._pictures.values())
+        return Status("cameras", hint, seen / CHECK_PICTURES, self._checks)
+
+    def feed(self, frames: Sequence[Frame]) -> Step:
+        """Take a frame set; go on when all cameras are fit."""
+        for frame in frames:
+            self._pictures[frame.camera].append(frame.pixels)
+        if min(len(pictures) for pictures in self._pictures.values()) < CHECK_PICTURES:
+            return self
+        self._checks = tuple(
+            check_camera(camera, pictures) for camera, pictures in self._pictures.items()
+        )
+        self._pictures = {camera: [] for camera in self._pictures}
+        fit = all(check.verdict != "bad" for check in self._checks)
+        return LearnEmpty(self._rig, self._checks) if fit else self
+
+
+class LearnEmpty:
+    """Second: the empty strip."""
+
+    def __init__(self, rig: Rig, checks: tuple[CameraCheck, ...]) -> None:
+        self._rig = rig
+        self._checks = checks
+        self._learner = EmptyLearner(rig.vision)
+        self._trouble = ""
+
+    @property
+    def status(self) -> Status:
+        """What to do, and how far it is."""
+        hint = "hands off the surface"
+        if self._learner.disturbed:
+            hint = f"something moved: {hint}"
+        return Status("empty", self._trouble or hint, self._learner.share, self._checks)
+
+    def feed(self, frames: Sequence[Frame]) -> Step:
+        """Take a frame set; go on when the empty surface is known."""
+        try:
+            empty = self._learner.feed(frames)
+        except CalibrationError as error:
+            self._trouble = str(error)
+            return self
+        self._trouble = ""
+        return self if empty is None else TapTargets(self._rig, empty, self._checks).next_step()
+
+
+class TapTargets:
+    """Third: a tap at each target.  Taps that do not fit the others are asked for again."""
+
+    def __init__(self, rig: Rig, empty: EmptySurface, checks: tuple[CameraCheck, ...]) -> None:
+        self._rig = rig
+        self._empty = empty
+        self._checks = checks
+        self._rounds = 0
+        start = starting_point(reference_touches(rig, empty, {}, ()))
+        self._rough = [
+            AnglePolynomial((float(x), float(y)), (float(a_0), float(a_1)), form.width_px)
+            for (x, y), (a_0, a_1), form in zip(
+                start.positions_mm, start.angles_rad, rig.formats.values(), strict=True
+            )
+        ]
+        far_off_mm = max(FAR_OFF_MM, FAR_OFF_SHARE * float(np.hypot(*rig.surface_mm)))
+        self._taps = TargetTaps(FingerWatch(empty.finders, self._rough), rig.targets_mm, far_off_mm)
+        self._taps.taps.update(rig.store.load(rig.targets_mm))
+        if self._taps.taps:
+            kept = len(self._taps.taps)
+            self._taps.say(f"{kept} taps are kept from before: go on with the marked place")
+
+    @property
+    def status(self) -> Status:
+        """What to do, and how far it is."""
+        return self._taps.status("taps")
+
+    def feed(self, frames: Sequence[Frame]) -> Step:
+        """Take a frame set; keep every tap; go on when all are there and fit."""
+        if not self._taps.feed(frames):
+            return self
+        self._keep()
+        return self.next_step()
+
+    def next_step(self) -> Step:
+        """Return what follows when all taps are there and fit, until then this step."""
+        if self._taps.target is not None:
+            return self
+        given = reference_touches(self._rig, self._empty, self._taps.taps, ())
+        if self._rig.method == "auto" and len(self._taps.taps) < FEWEST_TO_CHECK:
+            return Scribble(self._rig, self._empty, self._checks, self._taps.taps, self._rough)
+        try:
+            fitted = fit(self._rig.method, given, self._rig.tap_sigma_mm)
+        except CalibrationError as error:
+            self._ask_again(list(self._taps.taps), f"all taps are needed again: {error}")
+            return self
+        off = np.flatnonzero(fitted.dropped.sum(axis=0) >= BAD_IN_CAMERAS).tolist()
+        if off and self._rounds < MOST_ROUNDS:
+            text = "1 tap was" if len(off) == 1 else f"{len(off)} taps were"
+            self._ask_again(off, f"{text} beside the marked place: tap again")
+            return self
+        if self._rig.method == "auto":
+            return Scribble(self._rig, self._empty, self._checks, self._taps.taps, fitted.models)
+        return Done(self._empty, self._checks, given, fitted)
+
+    def _ask_again(self, numbers: Sequence[int], text: str) -> None:
+        self._rounds += 1
+        self._taps.ask_again(numbers)
+        self._taps.say(text)
+        self._keep()
+
+    def _keep(self) -> None:
+        self._rig.store.save(self._rig.targets_mm, self._taps.taps)
+
+
+class Scribble:
+    """Fourth: a finger moved all over the surface, located by what is known so far."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        empty: EmptySurface,
+        checks: tuple[CameraCheck, ...],
+        taps: Mapping[int, FloatArray],
+        models: Sequence[CameraModel],
+    ) -> None:
+        self._rig = rig
+        self._empty = empty
+        self._checks = checks
+        self._taps = taps
+        self._watch = FingerWatch(empty.finders, models)
+        self._coverage = ScribbleCoverage(rig.surface_mm)
+        self._touches: list[FloatArray] = []
+        self._several = False
+        self._finger_mm: tuple[float, float] | None = None
+
+    @property
+    def status(self) -> Status:
+        """What to do, and how far it is."""
+        return Status(
+            "scribble",
+            "only one finger, please"
+            if self._several
+            else "move one finger slowly all over the surface, until the plan is full",
+            self._coverage.share,
+            visited=self._coverage.visited,
+            finger_mm=self._finger_mm,
+        )
+
+    def feed(self, frames: Sequence[Frame]) -> Step:
+        """Take a frame set; fit everything when the scribble suffices."""
+        sight = self._watch.look(frames)
+        self._several, self._finger_mm = sight.several, None
+        if sight.place_mm is not None:
+            self._finger_mm = float(sight.place_mm[0]), float(sight.place_mm[1])
+            if self._coverage.wants(sight.place_mm):
+                self._touches.append(sight.columns_px)
+        if not self._coverage.is_enough():
+            return self
+        given = reference_touches(self._rig, self._empty, self._taps, self._touches)
+        fitted = fit(self._rig.method, given, self._rig.tap_sigma_mm)
+        return Done(self._empty, self._checks, given, fitted)
+
+
+@dataclass(frozen=True)
+class Done:
+    """Last: what was found, given and fitted."""
+
+    empty: EmptySurface
+    checks: tuple[CameraCheck, ...]
+    given: ReferenceTouches
+    fitted: Fitted
+
+    @property
+    def status(self) -> Status:
+        """Nothing is left to do."""
+        return Status("done", "", 1.0)
+
+    def feed(self, frames: Sequence[Frame]) -> Step:  # noqa: ARG002  nothing is left to see
+        """Stay."""
+        return self
+
+
+def reference_touches(
+    rig: Rig,
+    empty: EmptySurface,
+    taps: Mapping[int, FloatArray],
+    scribble: Sequence[FloatArray],
+) -> ReferenceTouches:
+    """Put together taps by the number of their target and a scribble, (cameras, 2) edges each."""
+    numbers = sorted(taps)
+    columns = [taps[number] for number in numbers] + list(scribble)
+    places = np.full((len(columns), 2), np.nan)
+    places[: len(numbers)] = rig.targets_mm[numbers]
+    shape = (len(columns), len(rig.formats), 2)
+    touches = TouchColumns(
+        np.array(columns, np.float64).reshape(shape).transpose(1, 0, 2),
+        places,
+        np.full(len(columns), np.nan),
+    )
+    return ReferenceTouches(
+        rig.surface_mm,
+        rig.formats,
+        empty.empties,
+        empty.strips,
+        touches,
+        rig.boards,
+        rig.identities,
+    )
