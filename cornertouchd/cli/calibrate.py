@@ -1,60 +1,36 @@
-"""`cornertouchd calibrate`: from recordings of taps to a calibration file."""
+"""`cornertouchd calibrate`: guided on the cameras, or from recordings."""
 
+import json
 import os
-from datetime import UTC, datetime
 from pathlib import Path
 
 import click
-import numpy as np
-from rich.console import Console
-from rich.table import Table
 
-from cornertouchd import __version__
-from cornertouchd.calibration.calibration import Calibration, Method
-from cornertouchd.calibration.file import save_calibration
-from cornertouchd.calibration.joint_fit import TouchColumns
-from cornertouchd.calibration.methods import Stamp
-from cornertouchd.calibration.methods import calibrate as fit
-from cornertouchd.cli.targets import FiniteRange
+from cornertouchd.calibration.boards import BoardPlan
+from cornertouchd.calibration.calibration import METHODS, Method
+from cornertouchd.calibration.file import rollback_calibration
+from cornertouchd.calibration.file_schema import calibration_schema
+from cornertouchd.cli.calibrate_display import display
+from cornertouchd.cli.calibrate_guided import GuideOptions, calibrate_guided
+from cornertouchd.cli.calibrate_recorded import Recordings, calibrate_recorded
+from cornertouchd.cli.print_board import print_board as draw_board
+from cornertouchd.cli.targets import Board, FiniteRange
 from cornertouchd.config import Settings, find_settings, read_settings
-from cornertouchd.devices.recording import open_recording, read_points
-from cornertouchd.runtime.recorded_touches import gather_recorded
+from cornertouchd.guiding.targets import targets_for
+from cornertouchd.runtime.assembly import calibration_file
+
+_PATH = click.Path(path_type=Path)
 
 
-@click.command()
-@click.option(
-    "--recording",
-    "directory",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="Recording of taps at known places, one a frame set.",
-)
-@click.option(
-    "--points",
-    "points_file",
-    type=click.Path(path_type=Path),
-    help="Where the taps were; else points.csv of the recording.",
-)
-@click.option(
-    "--scribble",
-    "scribble_directory",
-    type=click.Path(path_type=Path),
-    help="Recording of one finger at unknown places (method auto).",
-)
-@click.option(
-    "--empty",
-    "empty_directory",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="Recording of the empty surface.",
-)
-@click.option("--output", type=click.Path(path_type=Path), required=True, help="Calibration file.")
+@click.group(invoke_without_command=True)
+@click.option("--config", "config_file", type=_PATH, help="Settings.")
+@click.option("--output", type=_PATH, help="Calibration file; else the one that the daemon reads.")
 @click.option(
     "--method",
-    type=click.Choice(["auto", "vanishing-point"]),
+    type=click.Choice(METHODS),
     default="auto",
     show_default=True,
-    help="auto is our best; vanishing-point is the paper's, section 6.1.2.",
+    help="auto is our best; the others are the paper's, section 6.1.",
 )
 @click.option(
     "--tap-sigma-mm",
@@ -63,45 +39,125 @@ from cornertouchd.runtime.recorded_touches import gather_recorded
     show_default=True,
     help="How far taps are off their places (standard deviation).",
 )
-@click.option("--config", "config_file", type=click.Path(path_type=Path), help="Settings.")
+@click.option("--error-map", type=_PATH, help="Write the errors to expect as a picture (PNG).")
+@click.option(
+    "--strip-picture",
+    type=_PATH,
+    help="Guided: write the empty strip over time as a picture (PNG).",
+)
+@click.option("--recording", "taps", type=_PATH, help="Recording of taps, one a frame set.")
+@click.option("--points", type=_PATH, help="Where the taps were; else points.csv beside them.")
+@click.option("--scribble", type=_PATH, help="Recording of one finger at unknown places.")
+@click.option("--empty", type=_PATH, help="Recording of the empty surface.")
+@click.option("--boards", type=_PATH, help="Recording of a board (method reconstruction).")
+@click.option(
+    "--board",
+    "plan",
+    type=Board(),
+    default=BoardPlan(),
+    show_default="charuco:9x6:29:23",
+    help="What the board shows: squares, their size, for ChArUco that of the markers, in mm.",
+)
+@click.option("--print-board", type=_PATH, help="Write the board to print: .pdf or .png.")
+@click.option("--simulate", is_flag=True, help="Guided, on the simulated rig.")
+@click.option(
+    "--finger",
+    type=_PATH,
+    help="With --simulate: a file, pipe or - whose lines move the finger: `X Y` in millimetres, an "
+    "empty line lifts it.  Else a simulated person does what is asked for.",
+)
+@click.option(
+    "--taps-wanted",
+    type=click.IntRange(4, 2000),
+    help="Guided: how many places to tap; on a grid (a square number) or, for the lookup table, "
+    "along the frame.  Default: 16 (auto), 25 (vanishing-point), 225 (lookup-table).",
+)
+@click.option("--anew", is_flag=True, help="Guided: forget taps of a session that was stopped.")
+@click.option("--no-check", is_flag=True, help="Guided: without the five fresh taps at the end.")
+@click.option(
+    "--limit-mm",
+    type=FiniteRange(0.1, 100.0),
+    default=3.0,
+    show_default=True,
+    help="Guided: largest error of a fresh tap.",
+)
+@click.option(
+    "--rollback", is_flag=True, help="Bring the former calibration back; twice undoes it."
+)
+@click.option("--schema", is_flag=True, help="Print the JSON schema of the calibration file.")
+@click.pass_context
 def calibrate(
-    directory: Path,
-    points_file: Path | None,
-    scribble_directory: Path | None,
-    empty_directory: Path,
-    output: Path,
+    context: click.Context,
+    config_file: Path | None,
+    output: Path | None,
     method: Method,
     tap_sigma_mm: float,
-    config_file: Path | None,
+    error_map: Path | None,
+    strip_picture: Path | None,
+    taps: Path | None,
+    points: Path | None,
+    scribble: Path | None,
+    empty: Path | None,
+    boards: Path | None,
+    plan: BoardPlan,
+    print_board: Path | None,
+    simulate: bool,
+    finger: Path | None,
+    taps_wanted: int | None,
+    anew: bool,
+    no_check: bool,
+    limit_mm: float,
+    rollback: bool,
+    schema: bool,
 ) -> None:
-    """Calibrate from recordings and save the result."""
+    """Calibrate the cameras and save the result.
+
+    Without recordings it leads through all steps on the cameras: looks at them, learns the empty
+    strip, waits for 16 taps and a scribble, shows the result, saves it, checks it with five taps.
+    """
+    if context.invoked_subcommand is not None:
+        return
+    if schema:
+        click.echo(json.dumps(calibration_schema(), indent=2))
+        return
+    if print_board is not None:
+        draw_board(plan, print_board)
+        click.echo(f"{print_board}: print it at 100 %", err=True)
+        return
     path = find_settings(config_file, os.environ)
     settings = read_settings(path) if path else Settings()
-    taps = open_recording(directory)
-    points = read_points(points_file or directory / "points.csv")
-    scribble = open_recording(scribble_directory) if scribble_directory else None
-    given = gather_recorded(
-        taps, points, scribble, open_recording(empty_directory), settings.vision
-    )
-    stamp = Stamp(datetime.now(UTC).isoformat(timespec="seconds"), __version__)
-    calibration = fit(method, given, tap_sigma_mm, stamp)
-    save_calibration(calibration, output)
-    _print(calibration, given.touches, output)
-
-
-def _print(calibration: Calibration, touches: TouchColumns, output: Path) -> None:
-    seen = np.isfinite(touches.columns_px).all(axis=2)
-    table = Table(title=f"{calibration.method}: {calibration.reference_points} reference points")
-    for title in ("camera", "position mm", "touches seen", "residual mm"):
-        table.add_column(title, justify="left" if title == "camera" else "right")
-    for camera, count in zip(calibration.cameras, seen.sum(axis=1).tolist(), strict=True):
-        x, y = camera.model.position_mm
-        table.add_row(
-            camera.id,
-            f"{x:.1f}, {y:.1f}",
-            f"{count} of {seen.shape[1]}",
-            f"{camera.residual_mm:.3f}",
+    output = output or _usual_output(settings, simulate)
+    if rollback:
+        back = rollback_calibration(output)
+        click.echo(f"{output}: the calibration of {back.created_at} is in force again", err=True)
+    elif taps or scribble or empty or boards:
+        if empty is None:
+            raise click.UsageError("--empty is missing: the recording of the empty surface")
+        recordings = Recordings(empty, plan, taps, points, scribble, boards)
+        calibrate_recorded(recordings, method, tap_sigma_mm, settings, output, error_map)
+    else:
+        surface_mm = (settings.surface.width_mm, settings.surface.height_mm)
+        options = GuideOptions(
+            output=output,
+            method=method,
+            targets_mm=targets_for(method, surface_mm, taps_wanted),
+            tap_sigma_mm=tap_sigma_mm,
+            limit_mm=limit_mm,
+            check=not no_check,
+            anew=anew,
+            error_map=error_map,
+            strip_picture=strip_picture,
+            simulate=simulate,
+            finger=finger,
+            plan=plan if method == "reconstruction" else None,
         )
-    console = Console(stderr=True)
-    console.print(table)
-    console.print(f"residual {calibration.residual_mm:.3f} mm; saved {output}", highlight=False)
+        calibrate_guided(settings, options)
+
+
+def _usual_output(settings: Settings, simulate: bool) -> Path:
+    """Return the file that the daemon reads; a simulated rig's must not take its place."""
+    usual = calibration_file(settings, os.environ)
+    return usual.with_name("simulated.json") if simulate else usual
+
+
+calibrate.add_command(display)

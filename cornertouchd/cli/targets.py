@@ -5,6 +5,9 @@ import re
 
 import click
 
+from cornertouchd.calibration.boards import BoardPlan
+from cornertouchd.calibration.calibration import CalibrationError
+
 
 class FiniteRange(click.FloatRange):
     """A number within bounds; not NaN, which is within all of them."""
@@ -73,3 +76,28 @@ class Speed(click.ParamType[float]):
         if not 0.0 < factor <= 1000.0:
             self.fail(f"{value!r} is neither a factor up to 1000 nor max", param, ctx)
         return factor
+
+
+class Board(click.ParamType[BoardPlan]):
+    """`charuco:9x6:29:23` (squares, square and marker in mm) or `checkerboard:9x6:25`."""
+
+    name = "board"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> BoardPlan:
+        """Return the plan of the board."""
+        if isinstance(value, BoardPlan):
+            return value
+        found = re.fullmatch(
+            r"(checkerboard|charuco):(\d+)x(\d+):(\d+(?:\.\d+)?)(?::(\d+(?:\.\d+)?))?", str(value)
+        )
+        if found is None or (found[1] == "charuco") != (found[5] is not None):
+            self.fail(f"{value!r} is neither charuco:9x6:29:23 nor checkerboard:9x6:25", param, ctx)
+        squares = (int(found[2]), int(found[3]))
+        try:
+            if found[1] == "charuco":
+                return BoardPlan("charuco", squares, float(found[4]), float(found[5]))
+            return BoardPlan("checkerboard", squares, float(found[4]))
+        except CalibrationError as error:
+            self.fail(str(error), param, ctx)

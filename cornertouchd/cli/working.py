@@ -4,6 +4,8 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
+import click
+
 from cornertouchd.runtime.daemon import Daemon
 from cornertouchd.runtime.stop_signal import StopSignal
 
@@ -33,3 +35,11 @@ def work(
 def config_name(path: Path | None) -> str:
     """Return what tells this configuration from others on the same machine."""
     return str(path.resolve()) if path else ""
+
+
+def write_picture(path: Path, picture: bytes) -> None:
+    """Write a picture.  Raises `click.ClickException` if the disk refuses."""
+    try:
+        path.write_bytes(picture)
+    except OSError as error:
+        raise click.ClickException(f"{path}: cannot be written: {error.strerror}") from error

@@ -1,0 +1,78 @@
+"""`cornertouchd calibrate display`: four taps fix where the display lies on the surface."""
+
+import os
+from pathlib import Path
+
+import click
+
+from cornertouchd.calibration.display import fit_display, save_display
+from cornertouchd.cli.following import follow
+from cornertouchd.cli.guided_rig import guided_rig
+from cornertouchd.cli.targets import FiniteRange
+from cornertouchd.config import Settings, find_settings, read_settings
+from cornertouchd.guiding.display_taps import DisplayTaps, TappedCorners, watch_with
+from cornertouchd.runtime.assembly import display_file, find_calibration
+from cornertouchd.runtime.stamping import stamp_now
+from cornertouchd.runtime.stop_signal import StopSignal
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command()
+@click.option("--config", "config_file", type=_PATH, help="Settings.")
+@click.option(
+    "--inset",
+    type=FiniteRange(0.0, 0.4),
+    default=0.0,
+    show_default=True,
+    help="Tap this share of the picture's sides inside its corners: 0.1 is a tenth.",
+)
+@click.option("--output", type=_PATH, help="File; else display.json in the state directory.")
+@click.option("--simulate", is_flag=True, help="On the simulated rig.")
+@click.option("--finger", type=_PATH, help="With --simulate: as for `cornertouchd calibrate`.")
+@click.option("--forget", is_flag=True, help="The display fills the surface again.")
+def display(
+    config_file: Path | None,
+    inset: float,
+    output: Path | None,
+    simulate: bool,
+    finger: Path | None,
+    forget: bool,
+) -> None:
+    """Fix where the display lies on the surface.
+
+    Tap the corners of the picture as you see it: top left, top right, bottom right, bottom left.
+    Touches are then told in the picture's own coordinates, also when it is turned or mirrored.
+    Destinations whose display settings are not at their defaults keep those.
+    """
+    output = output or _usual_output(simulate)
+    if forget:
+        output.unlink(missing_ok=True)
+        click.echo(f"{output}: removed", err=True)
+        return
+    path = find_settings(config_file, os.environ)
+    settings = read_settings(path) if path else Settings()
+    if simulate:
+        cameras = settings.cameras.model_copy(update={"source": "simulated"})
+        settings = settings.model_copy(update={"cameras": cameras})
+    watch = watch_with(find_calibration(settings, os.environ), settings.vision)
+    with guided_rig(settings, simulate, finger) as rig, StopSignal() as stop:
+        tapped = follow(DisplayTaps(watch), rig, settings, stop, ("display",))
+    if not isinstance(tapped, TappedCorners):
+        raise click.ClickException("stopped; nothing was saved")
+    surface_mm = (settings.surface.width_mm, settings.surface.height_mm)
+    place = fit_display(tapped.places_mm, surface_mm, inset, stamp_now().created_at)
+    save_display(place, output)
+    mirrored = ", mirrored" if place.mirror else ""
+    click.echo(
+        f"the picture is {place.width_mm:.1f} x {place.height_mm:.1f} mm, {place.left_mm:.1f} mm "
+        f"from the left and {place.top_mm:.1f} mm from the top, turned by {place.rotation_deg} "
+        f"degrees{mirrored}; taps fit to {place.residual_mm:.1f} mm; saved {output}",
+        err=True,
+    )
+
+
+def _usual_output(simulate: bool) -> Path:
+    """Return the file that the daemon reads; a simulated display must not take its place."""
+    usual = display_file(os.environ)
+    return usual.with_name("simulated-display.json") if simulate else usual
