@@ -3,7 +3,7 @@
     python benchmarks/calibration.py                     simulated rigs, every method
     python benchmarks/calibration.py --exact             the same with taps that hit their targets
     python benchmarks/calibration.py --rendered [DIR]    path-traced recordings of one rig
-    python benchmarks/calibration.py --figure FILE.png   the paper's Fig. 10 again
+    python benchmarks/calibration.py --figure FILE.png   the paper's Fig. 10 again (extra: benchmarks)
 
 Every method goes through the same commands: recordings of a simulated rig are written, then
 `cornertouchd calibrate --recording ... --method ...`, then `cornertouchd replay --independent` of a
@@ -23,7 +23,6 @@ from pathlib import Path
 import click
 import numpy as np
 from accuracy import PLACES, default_recordings, read_truth, score
-from calibration_figure import draw_figure
 from calibration_sets import RIGS, RigKind, write_sets
 from calibration_ways import (
     ASKED_OF_PINHOLES,
@@ -37,6 +36,7 @@ from calibration_ways import (
 from rich.console import Console
 from rich.table import Table
 
+from cornertouchd.calibration.boards import BoardPlan
 from cornertouchd.calibration.calibration import METHODS, Method
 from cornertouchd.calibration.file import load_calibration
 from cornertouchd.config import CrossingSettings, Settings
@@ -79,13 +79,13 @@ class Outcome:
         return float(np.mean(~np.isfinite(self.errors_mm)))
 
 
-def try_out(way: Way, sets: Mapping[str, Path]) -> dict[str, Outcome]:
+def try_out(way: Way, sets: Mapping[str, Path], board: BoardPlan) -> dict[str, Outcome]:
     """Calibrate, replay the test by every crossing of the way and compare with the truth."""
     truth, _ = read_truth(sets["test"] / "truth.csv")
     outcomes = {}
     with tempfile.TemporaryDirectory() as scratch:
         calibration, contacts = Path(scratch, "calibration.json"), Path(scratch, "contacts.jsonl")
-        calibrate(way, sets, calibration)
+        calibrate(way, sets, calibration, board)
         told_mm = load_calibration(calibration).expected.rms_mm
         for crossing in crossings_of(way):
             options = ["--calibration", calibration, "--crossing", crossing, "--output", contacts]
@@ -120,7 +120,7 @@ def compare_on(
             sets = write_sets(kind, seed, tap_sigma_mm, wanted, Path(scratch))
             for way in ways:
                 try:
-                    tried_out = try_out(way, sets)
+                    tried_out = try_out(way, sets, kind.board)
                 except CommandError as error:
                     refusals[way.name] = str(error)
                     continue
@@ -191,6 +191,8 @@ def main(
     console = Console(width=180)
     ways = [way for way in WAYS if way.method in (methods or METHODS)]
     if figure is not None:
+        from calibration_figure import draw_figure  # noqa: PLC0415  matplotlib only for this
+
         draw_figure(figure, console)
     if rendered is not None:
         place = default_recordings(PLACES)[0] if rendered == Path() else rendered

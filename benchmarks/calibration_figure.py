@@ -17,7 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from calibration_sets import RIGS, RigKind, RigRecorder, along_frame, write_sets
+from calibration_sets import RIGS, RigKind, RigRecorder, write_sets
 from calibration_ways import WAYS, CommandError, Way, calibrate, recordings_of
 from matplotlib import pyplot as plt
 from rich.console import Console
@@ -25,6 +25,7 @@ from rich.console import Console
 from cornertouchd.calibration.file import load_calibration
 from cornertouchd.config import VisionSettings
 from cornertouchd.devices.recording import open_recording, read_points
+from cornertouchd.guiding.targets import targets_for
 from cornertouchd.locating.camera_model import CameraModel
 from cornertouchd.model import FloatArray
 from cornertouchd.runtime.recorded_touches import gather_recorded
@@ -68,7 +69,7 @@ def errors_of_ways(kind: RigKind, ways: Sequence[Way], console: Console) -> dict
     with tempfile.TemporaryDirectory() as scratch:
         sets = write_sets(kind, SEED, PLACE_SIGMA_MM, wanted, Path(scratch))
         again = RigRecorder(kind, SEED, Path(scratch))
-        again.taps("again", along_frame(kind.surface_mm), PLACE_SIGMA_MM)
+        again.taps("again", targets_for("lookup-table", kind.surface_mm), PLACE_SIGMA_MM)
         calibration = Path(scratch, "calibration.json")
         for way in ways:
             try:

@@ -9,6 +9,7 @@ import numpy as np
 
 from cornertouchd.calibration.boards import BoardPlan
 from cornertouchd.devices.recording_writer import RecordingWriter
+from cornertouchd.guiding.targets import targets_for
 from cornertouchd.model import FloatArray
 from cornertouchd.simulation.boards import BoardShow, board_poses
 from cornertouchd.simulation.fingers import Finger
@@ -19,12 +20,11 @@ EMPTY_SETS = 16
 BOARDS = 48
 SCRIBBLE_TOUCHES = 150
 TEST_TOUCHES = 300
-REFERENCE_POINTS = 225
 STYLUS_MM = 8.0
 """What taps: a round thing, as in the paper; what scribbles and tests are fingers."""
 
 FINGERS_MM = (8.0, 14.0)
-REFERENCE_INSET_MM, FINGER_INSET_MM = 5.0, 8.0
+FINGER_INSET_MM = 8.0
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class RigKind:
     barrel: float
     surface_mm: tuple[float, float]
     size_px: tuple[int, int]
-    boards: int
+    board: BoardPlan
 
     @property
     def lens(self) -> str:
@@ -47,32 +47,16 @@ class RigKind:
         return SimulatedRig(self.surface_mm, *self.size_px, rows_px, seed, barrel=self.barrel)
 
 
-# No board that a printer prints shows enough squares to two cameras 2.4 m apart.
+# On the large rig a board has to be as large as A0: two cameras 2.4 m apart see too few squares of
+# a smaller one.
 RIGS = tuple(
-    RigKind(name, barrel, surface_mm, size_px, boards)
-    for name, surface_mm, size_px, boards in (
-        ("350x400", (350.0, 400.0), (640, 480), BOARDS),
-        ("2400x1350", (2400.0, 1350.0), (1280, 800), 0),
+    RigKind(name, barrel, surface_mm, size_px, board)
+    for name, surface_mm, size_px, board in (
+        ("350x400", (350.0, 400.0), (640, 480), BoardPlan()),
+        ("2400x1350", (2400.0, 1350.0), (1280, 800), BoardPlan(square_mm=100.0, marker_mm=78.0)),
     )
     for barrel in (0.0, 0.3)
 )
-
-
-def grid(surface_mm: tuple[float, float], count: int) -> FloatArray:
-    """Return `count` x `count` places in the middles of equal tiles, row by row."""
-    shares = (np.arange(count) + 0.5) / count
-    x, y = np.meshgrid(shares * surface_mm[0], shares * surface_mm[1])
-    return np.stack([x.ravel(), y.ravel()], axis=1)
-
-
-def along_frame(surface_mm: tuple[float, float], count: int = REFERENCE_POINTS) -> FloatArray:
-    """Return places at equal distances along the frame, clockwise from the top-left, (count, 2)."""
-    low = REFERENCE_INSET_MM
-    right, bottom = (side - low for side in surface_mm)
-    corners = np.array([(low, low), (right, low), (right, bottom), (low, bottom), (low, low)])
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(corners, axis=0)).sum(axis=1))])
-    at = (np.arange(count) + 0.5) / count * way[-1]
-    return np.stack([np.interp(at, way, corners[:, axis]) for axis in (0, 1)], axis=1)
 
 
 class RigRecorder:
@@ -113,9 +97,10 @@ class RigRecorder:
     def boards(self) -> None:
         """Record boards held before the same rig with all rows of its pictures."""
         rig = self._kind.make(self._seed, rows_px=self._kind.size_px[1])
-        plan, count = BoardPlan(), self._kind.boards
+        plan = self._kind.board
         show = BoardShow(rig, plan)
-        poses = board_poses(plan, rig.surface_mm, rig.formats, rig.truth.cameras, count, self._seed)
+        cameras = rig.truth.cameras
+        poses = board_poses(plan, rig.surface_mm, rig.formats, cameras, BOARDS, self._seed)
         directory = self._directory / "boards"
         with RecordingWriter(directory, rig.surface_mm, RATE_HZ, rig.formats) as writer:
             for index, pose in enumerate(poses):
@@ -151,15 +136,15 @@ def write_sets(
     recorder = RigRecorder(kind, seed, directory)
     recorder.empty()
     for name, targets_mm in (
-        ("taps16", grid(kind.surface_mm, 4)),
-        ("taps25", grid(kind.surface_mm, 5)),
-        ("frame225", along_frame(kind.surface_mm)),
+        ("taps16", targets_for("auto", kind.surface_mm)),
+        ("taps25", targets_for("vanishing-point", kind.surface_mm)),
+        ("frame225", targets_for("lookup-table", kind.surface_mm)),
     ):
         if name in wanted:
             recorder.taps(name, targets_mm, tap_sigma_mm)
     if "scribble" in wanted:
         recorder.fingers("scribble", SCRIBBLE_TOUCHES)
-    if "boards" in wanted and kind.boards:
+    if "boards" in wanted:
         recorder.boards()
     recorder.fingers("test", TEST_TOUCHES)
     return {path.name: path for path in directory.iterdir()}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
+from cornertouchd.calibration.boards import BoardPlan
 from cornertouchd.calibration.calibration import Method
 from cornertouchd.cli import main as cornertouchd
 
@@ -69,6 +70,9 @@ ASKED_OF_PINHOLES = {
 }
 
 
+DEFAULT_BOARD = BoardPlan()
+
+
 class CommandError(Exception):
     """A command ended with another status than 0; the message is what it said."""
 
@@ -81,7 +85,9 @@ def run(*arguments: object) -> None:
         raise CommandError(result.stderr.strip())
 
 
-def calibrate(way: Way, sets: Mapping[str, Path], output: Path) -> None:
+def calibrate(
+    way: Way, sets: Mapping[str, Path], output: Path, board: BoardPlan = DEFAULT_BOARD
+) -> None:
     """Calibrate by the command from recordings: empty, those of taps, scribble, boards.
 
     Raises `CommandError`, also for a recording that there is not.
@@ -95,7 +101,10 @@ def calibrate(way: Way, sets: Mapping[str, Path], output: Path) -> None:
         copy_points(sets[way.taps] / "points.csv", points, way.only_points)
         options += ["--recording", sets[way.taps], "--points", points]
     options += ["--scribble", sets["scribble"]] if way.scribble else []
-    options += ["--boards", sets["boards"]] if way.boards else []
+    if way.boards:
+        columns, rows = board.squares
+        plan = f"{board.kind}:{columns}x{rows}:{board.square_mm:g}:{board.marker_mm:g}"
+        options += ["--boards", sets["boards"], "--board", plan]
     run("calibrate", *options, "--method", way.method, "--output", output)
 
 
