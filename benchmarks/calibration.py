@@ -3,7 +3,7 @@
     python benchmarks/calibration.py                     simulated rigs, every method
     python benchmarks/calibration.py --exact             the same with taps that hit their targets
     python benchmarks/calibration.py --rendered [DIR]    path-traced recordings of one rig
-    python benchmarks/calibration.py --figure FILE.png   the paper's Fig. 10 again (extra: benchmarks)
+    python benchmarks/calibration.py --figure FILE.png   the paper's Fig. 10 (needs matplotlib)
 
 Every method goes through the same commands: recordings of a simulated rig are written, then
 `cornertouchd calibrate --recording ... --method ...`, then `cornertouchd replay --independent` of a
