@@ -49,6 +49,22 @@ def nearest_point_to_lines(
     return point
 
 
+def nearest_points_to_lines(origins_mm: FloatArray, angles_rad: FloatArray) -> FloatArray:
+    """Return the points (P, 2) with the least summed squared distance to their lines.
+
+    `origins_mm` is (N, 2): each of N cameras has a line in each of P sets of lines; `angles_rad`
+    (N, P) is NaN where it has none.  NaN where fewer than two lines are known or all are parallel.
+    """
+    known = np.isfinite(angles_rad)
+    n = np.where(known[..., None], normals(np.where(known, angles_rad, 0.0)), 0.0)
+    offsets = np.sum(n * origins_mm[:, None, :], axis=-1)
+    a = np.einsum("npi,npj->pij", n, n)
+    solvable = a[:, 0, 0] * a[:, 1, 1] - a[:, 0, 1] ** 2 > PARALLEL
+    a[~solvable] = np.eye(2)
+    points = np.linalg.solve(a, np.einsum("npi,np->pi", n, offsets)[..., None])[..., 0]
+    return np.where(solvable[:, None], points, np.nan)
+
+
 def wrap_angle(angles_rad: FloatArray) -> FloatArray:
     """Return the same angles within -pi..pi."""
     return (angles_rad + np.pi) % (2.0 * np.pi) - np.pi

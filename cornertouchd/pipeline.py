@@ -102,8 +102,8 @@ class SurfacePipeline:
     ) -> Drift | None:
         """Return what has moved since it was calibrated, as far as touches up to these tell.
 
-        The same object until something changes.  Takes a millisecond now and then, so it is for
-        after the touches have been told.
+        The same object until something changes.  Every tenth new place of a touch costs half a
+        millisecond (median; some milliseconds at worst), so it is for after they have been told.
         """
         self._drift.follow(frame_set, contacts, touches)
         return self._drift.drift

@@ -5,6 +5,7 @@ begin with a dot; those that a crash left are dealt with at the next change.
 """
 
 import contextlib
+import errno
 import fcntl
 import os
 from collections.abc import Callable, Iterator
@@ -27,6 +28,7 @@ def replace_file(path: Path, content: bytes, *, keep_previous: bool = True) -> N
     the disk refuses; the file that stood there is then untouched.
     """
     path = _followed(path)
+    _require_file(path)
     _make_directory(path.parent)
     with _locked(path.parent) as directory:
         _clean_up(directory, path)
@@ -43,6 +45,7 @@ def roll_back_file(path: Path, check: Callable[[bytes], object]) -> None:
     """
     path = _followed(path)
     previous, replaced = previous_of(path), _replaced(path)
+    _require_file(path)
     with _locked(path.parent) as directory:
         _clean_up(directory, path)
         former = previous.read_bytes()
@@ -101,6 +104,12 @@ def _locked(directory: Path) -> Iterator[int]:
         yield handle
     finally:
         os.close(handle)
+
+
+def _require_file(path: Path) -> None:
+    """Raise `OSError` for what must not be replaced: a device, a pipe, a directory."""
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is not a regular file; name another")
 
 
 def _make_directory(directory: Path) -> None:

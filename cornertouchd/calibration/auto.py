@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from cornertouchd.calibration.calibration import CalibrationError
+from cornertouchd.calibration.calibration import CalibrationError, TapsDoNotFitError
 from cornertouchd.calibration.error_map import map_from_covariance
-from cornertouchd.calibration.fitted import Fitted
+from cornertouchd.calibration.fitted import SMALLEST_SHARE_KEPT, Fitted
 from cornertouchd.calibration.gathering import ReferenceTouches
 from cornertouchd.calibration.joint_fit import (
     DEGREE,
@@ -14,11 +14,9 @@ from cornertouchd.calibration.joint_fit import (
     StartingPoint,
     fit_jointly,
 )
+from cornertouchd.calibration.rig_corners import corner_mm
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.vision.strip import Strip
-
-SMALLEST_SHARE_KEPT = 0.8
-"""A person misses one tap in ten at worst; wrong reference points lose more than half."""
 
 FEWEST_TAPS = 4
 """Four taps fix the gauge: scribbles alone leave a homography free, and then the nominal places of
@@ -78,18 +76,19 @@ def _require_enough(given: ReferenceTouches) -> None:
 
 
 def _refuse_misfits(given: ReferenceTouches, fit: JointFit) -> None:
-    """Raise `CalibrationError` when too much had to be dropped: the fit is then of the priors."""
+    """Raise `TapsDoNotFitError` when too much had to be dropped: the fit is then of the priors."""
     taps = given.touches.seen & given.touches.known
     kept = int(np.count_nonzero(fit.used & taps)) / max(int(np.count_nonzero(taps)), 1)
     if taps.any() and kept < SMALLEST_SHARE_KEPT:
-        raise CalibrationError(
+        raise TapsDoNotFitError(
             f"only {kept:.0%} of the taps fit together, {SMALLEST_SHARE_KEPT:.0%} are needed: "
             "check the reference points (x and y exchanged? millimetres? the right frame sets? "
-            "the right diameter?) and which camera is in which corner"
+            "the right diameter?), which camera is in which corner, and that the scribble is of "
+            "one finger"
         )
     for camera, count in zip(given.formats, fit.used.sum(axis=1).tolist(), strict=True):
         if count < FEWEST_TOUCHES:
-            raise CalibrationError(
+            raise TapsDoNotFitError(
                 f"camera {camera}: only {count} of its touches fit the other cameras', "
                 f"{FEWEST_TOUCHES} are needed; is it in the corner of its name?"
             )
@@ -103,14 +102,9 @@ def starting_point(given: ReferenceTouches) -> StartingPoint:
     """
     width, height = given.surface_mm
     sigma_mm = LOOSE_POSITION_MM if given.touches.known.any() else NOMINAL_POSITION_MM
-    corners = {"C1": (0.0, 0.0), "C2": (width, 0.0), "C3": (width, height), "C4": (0.0, height)}
     positions, angles, widths = [], [], []
     for camera, size in given.formats.items():
-        if camera not in corners:
-            raise CalibrationError(
-                f"camera {camera}: no corner belongs to it; the cameras of a frame are C1 to C4"
-            )
-        x, y = corners[camera]
+        x, y = corner_mm(camera, given.surface_mm)
         positions.append((x, y))
         widths.append(float(size.width_px))
         bisector = np.arctan2(height / 2 - y, width / 2 - x)

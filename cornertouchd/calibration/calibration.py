@@ -16,9 +16,16 @@ METHODS: tuple[Method, ...] = ("auto", "lookup-table", "vanishing-point", "recon
 Model = AnglePolynomial | LookupTable | Projection | Reconstruction
 """The camera models, one for each method; all fill `locating.camera_model.CameraModel`."""
 
+LONGEST_IDENTITY = 200
+"""Characters of a camera's identity that recordings and calibrations keep."""
+
 
 class CalibrationError(Exception):
     """A calibration cannot be made, read or used; the message says what to do."""
+
+
+class TapsDoNotFitError(CalibrationError):
+    """Reference points contradict each other: tapping them again may help, nothing else will."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +33,9 @@ class CameraCalibration:
     """One camera in its place.
 
     `empty` is the mean of its pictures of the empty surface, (rows_px, width_px); the strip and its
-    reference brightness are read from it.  `residual_mm` is the RMS distance of the reference
-    points from their directing lines.  `identity` tells this very camera from others of its kind,
+    reference brightness are read from it.  `residual_mm` is the RMS distance of its
+    directing lines from the touches at known places, of all touches if none was; NaN where it has
+    no line for any of them.  `identity` tells this very camera from others of its kind,
     empty where that is not known.
     """
 
@@ -62,8 +70,8 @@ class Calibration:
 
     `created_at` is UTC in ISO 8601.  `reference_points` are touches at known places,
     `scribble_points` those at unknown ones; `dropped` is how many times a camera's view of one of
-    them did not fit and was left out.  `residual_mm` is the RMS over all cameras and reference
-    points, `expected` the error to expect of a touch, place by place.
+    them did not fit and was left out.  `residual_mm` is the RMS of all cameras' residuals,
+    `expected` the error to expect of a touch, place by place.
     """
 
     method: Method

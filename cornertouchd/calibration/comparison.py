@@ -1,13 +1,14 @@
 """A new calibration against the one in force: whether cameras moved, what the change is worth."""
 
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from cornertouchd.calibration.calibration import Calibration, CameraCalibration, Method, Model
-from cornertouchd.calibration.error_map import SEEN_BY, places_mm
-from cornertouchd.geometry import nearest_point_to_lines, normals, wrap_angle
+from cornertouchd.calibration.error_map import places_mm
+from cornertouchd.calibration.fitted import rms
+from cornertouchd.geometry import nearest_points_to_lines, normals, wrap_angle
+from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.locating.columns import columns_of_places
 from cornertouchd.model import FloatArray
 
@@ -108,7 +109,7 @@ def compare(former: Calibration, new: Calibration) -> Comparison:
     worst = int(np.nanargmax(apart)) if np.isfinite(apart).any() else None
     return Comparison(
         shifts,
-        _rms(apart),
+        rms(apart),
         float("nan") if worst is None else float(apart[worst]),
         (float("nan"),) * 2
         if worst is None
@@ -132,31 +133,31 @@ def _shift(
     away = places[seen] - after.model.position_mm
     off = np.sum(normals(angles) * away, axis=1)
     (x, y), (x_before, y_before) = after.model.position_mm, before.model.position_mm
-    residual_mm = float(np.hypot(before.residual_mm, after.residual_mm))
+    residual_mm = float(np.hypot(_misfit_mm(before), _misfit_mm(after)))
     return CameraShift(
         after.id,
         (x - x_before, y - y_before),
         float(np.degrees(np.nanmedian(turned))) if np.isfinite(turned).any() else float("nan"),
-        _rms(off),
+        rms(off),
         max(SAME_MM, EXPECTED_TIMES * expected_mm, RESIDUAL_TIMES * residual_mm),
         exchanged=bool(before.identity and after.identity and before.identity != after.identity),
     )
 
 
+def _misfit_mm(camera: CameraCalibration) -> float:
+    """Return how badly the method fits the lens; a polynomial leaves nothing but errors of taps."""
+    polynomial = isinstance(camera.model, AnglePolynomial)
+    return 0.0 if polynomial else float(np.nan_to_num(camera.residual_mm))
+
+
 def _locate(models: list[Model], columns: list[FloatArray], touches: int) -> FloatArray:
     """Return where the models locate touches seen in columns, (touches, 2), NaN if nowhere."""
-    located = np.full((touches, 2), np.nan)
-    if len(models) < SEEN_BY:
-        return located
+    if not models:
+        return np.full((touches, 2), np.nan)
     origins = np.array([model.position_mm for model in models])
     pairs = zip(models, columns, strict=True)
     angles = np.array([model.angles_rad(seen) for model, seen in pairs])
-    for touch in range(touches):
-        known = np.isfinite(angles[:, touch])
-        if np.count_nonzero(known) >= SEEN_BY:
-            with suppress(np.linalg.LinAlgError):  # parallel lines cross nowhere
-                located[touch] = nearest_point_to_lines(origins[known], angles[known, touch])
-    return located
+    return nearest_points_to_lines(origins, angles)
 
 
 def _another_rig(former: Calibration, new: Calibration, shifts: tuple[CameraShift, ...]) -> str:
@@ -178,8 +179,3 @@ def _another_rig(former: Calibration, new: Calibration, shifts: tuple[CameraShif
     if 2 * len(far) > len(shifts):
         return f"the lines of {', '.join(shift.camera for shift in far)} run elsewhere"
     return ""
-
-
-def _rms(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")

@@ -12,6 +12,7 @@ from math import degrees, hypot
 import numpy as np
 
 from cornertouchd.calibration.calibration import Calibration
+from cornertouchd.calibration.fitted import rms
 from cornertouchd.calibration.touch_lines import TouchLines, lines_of_touch
 from cornertouchd.model import BoolArray, Contact, FloatArray, FrameSet, Touch
 
@@ -38,7 +39,8 @@ error after 16 taps that were 0.5 mm off (simulated), 0.7 of it when only the bo
 (path-traced).  A shift of 0.5 mm across the view is 0.45 mm."""
 
 LARGEST_RESIDUAL_MM = 1.0
-"""A calibration that does not fit its own reference points better cannot tell that cameras move."""
+"""A calibration whose method does not fit the lenses better cannot tell that cameras move; auto
+fits them, and its residuals are those of the taps."""
 
 OVER_AT = 0.7
 """A drift is over when lines are off by less than this share of what made it one."""
@@ -111,7 +113,8 @@ class DriftWatch:
         self._cameras = calibration.cameras
         self._surface_mm = calibration.surface_mm
         self._expected = calibration.expected
-        self._can_tell = calibration.residual_mm <= LARGEST_RESIDUAL_MM
+        fits = calibration.residual_mm <= LARGEST_RESIDUAL_MM  # not if that is NaN
+        self._can_tell = calibration.method == "auto" or fits
         self._window: list[TouchLines] = []
         self._new = 0
         self._suspect: str | None = None
@@ -133,10 +136,10 @@ class DriftWatch:
         touch = touches[0]
         if not self._is_elsewhere(touch) or _is_skewed(frame_set, touch):
             return
+        self._last = touch  # also if nothing comes of it: it is not looked at again where it rests
         lines = lines_of_touch(frame_set, contacts[0], self._cameras)
         if lines is None:
             return
-        self._last = touch
         self._keep(lines)
         self._new += 1
         if self._new >= TOUCHES_BETWEEN_LOOKS and self._knows_enough():
@@ -188,7 +191,7 @@ class DriftWatch:
         places = np.array([(lines.x_mm, lines.y_mm) for lines in self._window])
         column = np.abs(places[:, :1] - self._expected.x_mm).argmin(axis=1)
         row = np.abs(places[:, 1:] - self._expected.y_mm).argmin(axis=1)
-        return _rms(np.nan_to_num(self._expected.errors_mm[row, column]))
+        return rms(np.nan_to_num(self._expected.errors_mm[row, column]))
 
     def _explain(self) -> Drift:
         """Return the camera whose movement explains the window, or what is off if none does."""
@@ -213,10 +216,10 @@ class DriftWatch:
             to_mm = effects[seen, blamed] * sigmas_mm[seen, blamed, None]
             return Drift(
                 self._cameras[blamed].id,
-                _rms(to_mm @ best.move),
+                rms(to_mm @ best.move),
                 hypot(best.move[0], best.move[1]),
                 float(best.move[2]),
-                _rms(to_mm[:, 2] * best.move[2]),
+                rms(to_mm[:, 2] * best.move[2]),
             )
         of_one_camera = np.sum((misfits * sigmas_mm) ** 2, axis=1) / freedom.max(axis=1)
         return Drift(None, float(np.sqrt(_trimmed_mean(of_one_camera))), 0.0, 0.0, 0.0)
@@ -256,10 +259,6 @@ def _lowest(values: FloatArray) -> BoolArray:
     """Tell which values are among the lowest `KEPT_SHARE`."""
     last = int(KEPT_SHARE * len(values)) - 1
     return np.asarray(values <= np.partition(values, last)[last])
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _is_skewed(frame_set: FrameSet, touch: Touch) -> bool:

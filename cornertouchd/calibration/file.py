@@ -94,7 +94,7 @@ def _to_file(calibration: Calibration) -> dict[str, Any]:
         "reference_points": calibration.reference_points,
         "scribble_points": calibration.scribble_points,
         "dropped": calibration.dropped,
-        "residual_mm": round(calibration.residual_mm, ERROR_DIGITS),
+        "residual_mm": _rounded(calibration.residual_mm),
         "expected": {
             "x_mm": expected.x_mm.tolist(),
             "y_mm": expected.y_mm.tolist(),
@@ -111,7 +111,7 @@ def _to_file(calibration: Calibration) -> dict[str, Any]:
                     "rows_px": camera.format.rows_px,
                 },
                 "model": _model_to_file(camera.model),
-                "residual_mm": round(camera.residual_mm, ERROR_DIGITS),
+                "residual_mm": _rounded(camera.residual_mm),
                 "empty_png": _to_png(camera.empty),
             }
             for camera in calibration.cameras
@@ -162,7 +162,7 @@ def _from_bytes(content: bytes, path: Path, remedy: str) -> Calibration:
         reference_points=file.reference_points,
         scribble_points=file.scribble_points,
         dropped=file.dropped,
-        residual_mm=file.residual_mm,
+        residual_mm=_known(file.residual_mm),
         expected=_map_from_file(file.expected),
         cameras=cameras,
     )
@@ -187,7 +187,7 @@ def _camera_from_file(camera: CameraEntry) -> CameraCalibration:
         size,
         empty,
         _model_from_file(camera, size.width_px),
-        camera.residual_mm,
+        _known(camera.residual_mm),
     )
 
 
@@ -205,12 +205,20 @@ def _model_from_file(camera: CameraEntry, width_px: int) -> Model:
     return Reconstruction(model.position_mm, model.rotation, lens, width_px)
 
 
+def _rounded(residual_mm: float) -> float | None:
+    return None if np.isnan(residual_mm) else round(residual_mm, ERROR_DIGITS)
+
+
+def _known(value: float | None) -> float:
+    return np.nan if value is None else value
+
+
 def _without_nan(values: FloatArray) -> list[float | None]:
     return [value if np.isfinite(value) else None for value in values.tolist()]
 
 
 def _with_nan(values: tuple[float | None, ...]) -> tuple[float, ...]:
-    return tuple(np.nan if value is None else value for value in values)
+    return tuple(_known(value) for value in values)
 
 
 def _to_png(empty: FloatArray) -> str:

@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-from cornertouchd.calibration.calibration import Method
+from cornertouchd.calibration.calibration import LONGEST_IDENTITY, Method
 from cornertouchd.calibration.sealed_json import SealedFile
 
 SMALLEST_DETERMINANT = 1e-12
@@ -14,8 +14,8 @@ SMALLEST_DETERMINANT = 1e-12
 LARGEST_SKEW = 1e-3
 """Rotations are written with all their digits; rows further from square than this are no axes."""
 
-DISTORTION_TERMS = {"pinhole": (4, 5, 8), "fisheye": (4,)}
-"""How many coefficients OpenCV takes for a lens of each kind."""
+DISTORTION_TERMS = {"pinhole": 8, "fisheye": 4}
+"""How many coefficients a lens of each kind has."""
 
 _Place = Annotated[FiniteFloat, Field(ge=-100_000.0, le=100_000.0)]
 _Column = Annotated[FiniteFloat, Field(ge=-100_000.0, le=100_000.0)]
@@ -114,10 +114,9 @@ class LensEntry(_Part):
     @model_validator(mode="after")
     def _refuse_odd_terms(self) -> Self:
         allowed = DISTORTION_TERMS[self.kind]
-        if len(self.distortion) not in allowed:
+        if len(self.distortion) != allowed:
             raise ValueError(
-                f"{len(self.distortion)} distortion terms; a {self.kind} lens has "
-                f"{' or '.join(str(count) for count in allowed)}"
+                f"{len(self.distortion)} distortion terms; a {self.kind} lens has {allowed}"
             )
         return self
 
@@ -150,15 +149,17 @@ class CameraEntry(_Part):
 
     id: str = Field(min_length=1, max_length=32, description="C1, C2, ...")
     identity: str = Field(
-        max_length=200, description="Tells this very camera from others; empty if unknown."
+        max_length=LONGEST_IDENTITY,
+        description="Tells this very camera from others; empty if unknown.",
     )
     picture: PictureEntry
     model: Annotated[
         AnglePolynomialEntry | LookupTableEntry | ProjectionEntry | ReconstructionEntry,
         Field(discriminator="kind"),
     ]
-    residual_mm: _Millimetres = Field(
-        description="RMS distance of the reference points from their directing lines."
+    residual_mm: _Millimetres | None = Field(
+        description="RMS distance of directing lines from touches at known places, of all if none "
+        "was; null where there is none to go by."
     )
     empty_png: str = Field(
         description="Mean picture of the empty surface, in 1/256 grey levels: a 16-bit PNG, base64."
@@ -201,7 +202,9 @@ class CalibrationFile(SealedFile):
     reference_points: _Count = Field(description="Touches at known places.")
     scribble_points: _Count = Field(description="Touches at unknown places.")
     dropped: _Count = Field(description="Views of single cameras that did not fit.")
-    residual_mm: _Millimetres = Field(description="RMS over all cameras and reference points.")
+    residual_mm: _Millimetres | None = Field(
+        description="RMS over all cameras of their residuals; null where there are none."
+    )
     expected: ErrorMapEntry
     cameras: tuple[CameraEntry, ...] = Field(min_length=2, max_length=8)
 

@@ -6,9 +6,14 @@ import numpy as np
 
 from cornertouchd.calibration.calibration import Model
 from cornertouchd.calibration.error_map import ErrorMap
+from cornertouchd.calibration.joint_fit import SHAPE_SIGMA_MM
 from cornertouchd.geometry import normals, unit_vectors
 from cornertouchd.locating.camera_model import CameraModel
 from cornertouchd.model import BoolArray, FloatArray
+
+SMALLEST_SHARE_KEPT = 0.8
+"""A person misses one tap in ten at worst; wrong reference points, or some in a wrong order, lose
+half of them and more."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,20 @@ def distances_mm(model: CameraModel, points_mm: FloatArray, columns_px: FloatArr
     return np.where(behind, np.linalg.norm(away, axis=1), off)
 
 
-def rms(residuals_mm: FloatArray) -> float:
-    """Return the RMS of what is not NaN, 0 if all is."""
-    return float(np.sqrt(np.nanmean(residuals_mm**2))) if np.isfinite(residuals_mm).any() else 0.0
+def rms(values: FloatArray) -> float:
+    """Return the RMS of what is not NaN, NaN if all is."""
+    known = values[~np.isnan(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def line_sigma_mm(residuals_mm: FloatArray, parameters: int) -> float:
+    """Return by how much lines pass by new touches (RMS), from those that they were fitted to.
+
+    Residuals are too small by the `parameters` of the fit that followed them; NaN are not counted.
+    NaN if there are no more of them than parameters: lines through all of their points tell nothing
+    about others.  Never less than what is left because a finger is not a disc.
+    """
+    count = int(np.count_nonzero(~np.isnan(residuals_mm)))
+    if count <= parameters:
+        return float("nan")
+    return max(SHAPE_SIGMA_MM, rms(residuals_mm) * float(np.sqrt(count / (count - parameters))))

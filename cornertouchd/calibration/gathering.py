@@ -1,11 +1,13 @@
 """Everything a calibration is made from, gathered from frame sets."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from cornertouchd.calibration.board_sights import BoardSight
+from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.joint_fit import TouchColumns
 from cornertouchd.calibration.observing import (
     find_strips,
@@ -15,9 +17,14 @@ from cornertouchd.calibration.observing import (
 )
 from cornertouchd.config import VisionSettings
 from cornertouchd.model import FloatArray, Frame, PictureFormat
+from cornertouchd.vision.finder import ShadowFinder
 from cornertouchd.vision.strip import Strip
 
 FrameSets = Iterable[Sequence[Frame]]
+
+
+MOST_DISTURBED = 0.05
+"""Share of pictures of the empty surface that an insect may spoil."""
 
 
 @dataclass(frozen=True)
@@ -58,11 +65,12 @@ def gather_touches(
     scribble: FrameSets,
     settings: VisionSettings,
 ) -> ReferenceTouches:
-    """Look at the empty surface, then at every touch.  Raises `CalibrationError`."""
+    """Look at the empty surface (twice), then at every touch.  Raises `CalibrationError`."""
     means = mean_pictures(empty)
     empties = {camera: means[camera] for camera in formats}
     strips = find_strips(empties)
     finders = make_finders(strips, empties, settings)
+    _require_empty(empty, finders)
     known = observe_touches(taps.frame_sets, finders)
     unknown = observe_touches(scribble, finders)
     nowhere = np.full((unknown.shape[1], 2), np.nan)
@@ -72,3 +80,19 @@ def gather_touches(
         np.concatenate([taps.diameters_mm, nowhere[:, 0]]),
     )
     return ReferenceTouches(surface_mm, formats, empties, strips, touches)
+
+
+def _require_empty(empty: FrameSets, finders: Mapping[str, ShadowFinder]) -> None:
+    """Raise `CalibrationError` if something moved before the strip while it was learned."""
+    pictures: Counter[str] = Counter()
+    disturbed: Counter[str] = Counter()
+    for frame in (frame for frames in empty for frame in frames if frame.lit_mask != 0):
+        pictures[frame.camera] += 1
+        disturbed[frame.camera] += bool(finders[frame.camera].find(frame.pixels))
+    for camera, count in disturbed.items():
+        if count > MOST_DISTURBED * pictures[camera]:
+            raise CalibrationError(
+                f"camera {camera}: {count} of {pictures[camera]} pictures of the empty surface "
+                "show shadows that the others do not: something moved, or the light did; record "
+                "the empty surface anew"
+            )

@@ -95,7 +95,7 @@ def fit_jointly(touches: TouchColumns, start: StartingPoint, tap_sigma_mm: float
     used = problem.seen
     solution = problem.solve(problem.start, used, _soft_l1)
     for _ in range(SWEEPS):
-        kept = problem.seen & (problem.largest_sigmas(solution.parameters) < OUTLIER_SIGMAS)
+        kept = problem.fitting(solution.parameters, used)
         if np.array_equal(kept, used):
             break
         used = kept
@@ -159,11 +159,25 @@ class _Problem:
         covariance *= max(1.0, 2 * found.cost / freedom)
         return _Solution(found.x.reshape(parameters.shape), covariance)
 
-    def largest_sigmas(self, parameters: FloatArray) -> FloatArray:
-        """Return how many standard deviations each observation is off, (cameras, points)."""
-        distances, widths, _ = self._sigmas(parameters, self.seen)
-        largest: FloatArray = np.maximum(np.abs(distances), np.nan_to_num(np.abs(widths)))
-        return largest
+    def fitting(self, parameters: FloatArray, used: BoolArray) -> BoolArray:
+        """Return which observations fit, (cameras, points).
+
+        A place that is unknown is triangulated from its observations, so that a bad one makes the
+        others look bad: of these only the worst is dropped, and the rest looked at again.
+        """
+        kept = used.copy()
+        for _ in range(len(parameters) - 1):
+            distances, widths, _ = self._sigmas(parameters, kept)
+            off = np.maximum(np.abs(distances), np.nan_to_num(np.abs(widths)))
+            bad = kept & (off >= OUTLIER_SIGMAS)
+            worst = np.where(kept, off, -np.inf).argmax(axis=0) == np.arange(len(off))[:, None]
+            drop = bad & (self._known | worst)
+            if not drop.any():
+                break
+            kept &= ~drop
+        lonely = ~self._known & (kept.sum(axis=0) < 2)  # one line meets itself everywhere
+        kept[:, lonely] = False
+        return kept
 
     def result(self, solution: _Solution, used: BoolArray) -> JointFit:
         """Return the fit with its residuals in millimetres."""

@@ -10,6 +10,7 @@ import numpy as np
 from cornertouchd.calibration.board_sights import BoardSight
 from cornertouchd.calibration.boards import FEWEST_CORNERS, PIXEL_CENTRE_PX
 from cornertouchd.calibration.calibration import CalibrationError
+from cornertouchd.calibration.fitted import rms
 from cornertouchd.locating.reconstruction import BoardLens
 from cornertouchd.model import FloatArray, PictureFormat
 
@@ -79,7 +80,7 @@ class _Solution:
 
     @property
     def residual_px(self) -> float:
-        return float(np.sqrt(np.mean(np.concatenate(self.off_px) ** 2)))
+        return rms(np.concatenate(self.off_px))
 
     @property
     def tilt_rad(self) -> float:
@@ -173,7 +174,7 @@ def _fit(solve: _Solver, views: _Views, size: PictureFormat) -> tuple[_Solution,
 def _without_outliers(views: Sequence[BoardSight], off_px: Sequence[FloatArray]) -> _Views:
     """Return the views that are no outliers, with those of their corners that are none."""
     largest = OUTLIER_MEDIANS * np.median(np.concatenate(off_px))
-    view_errors = np.array([np.sqrt(np.mean(off**2)) for off in off_px])
+    view_errors = np.array([rms(off) for off in off_px])
     good_views = view_errors <= OUTLIER_MEDIANS * np.median(view_errors)
     kept = []
     for view, off, good_view in zip(views, off_px, good_views.tolist(), strict=True):

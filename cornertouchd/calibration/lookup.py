@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.error_map import map_from_line_sigmas, places_mm
-from cornertouchd.calibration.fitted import Fitted, distances_mm, rms
+from cornertouchd.calibration.fitted import SMALLEST_SHARE_KEPT, Fitted, distances_mm, line_sigma_mm
 from cornertouchd.calibration.gathering import ReferenceTouches
+from cornertouchd.calibration.rig_corners import CORNERS, corner_mm, corner_number
 from cornertouchd.geometry import wrap_angle
 from cornertouchd.locating.lookup_table import LookupTable
 from cornertouchd.locating.vanishing_point import DegeneratePointsError, solve_projection
@@ -22,11 +23,8 @@ FEWEST_ROWS = 8
 """Rows are pairs of neighbours that are both seen.  With fewer on two sides, the one that cuts off
 the far corner is more than a tenth of the table."""
 
-SMALLEST_SHARE_KEPT = 0.8
-"""A person misses one tap in ten at worst; points in a wrong order lose half of them."""
-
-CORNERS = ("C1", "C2", "C3", "C4")
-"""Clockwise from the top-left; the sides top, right, bottom and left begin there, in this order."""
+FITTED_TO_NEAR_SIDES = 2
+"""What the points on a camera's near sides fix of it: its projection centre."""
 
 REMEDY = (
     "touch places along the frame at equal distances, 5 mm inside it (the paper has 225 on "
@@ -98,15 +96,12 @@ def _distances_to_sides_mm(points_mm: FloatArray, surface_mm: tuple[float, float
 
 def _points_of_table(camera: str, given: ReferenceTouches) -> NDArray[np.intp]:
     """Return which reference points are on the far sides of the camera, clockwise along them."""
-    if camera not in CORNERS:
-        raise CalibrationError(
-            f"camera {camera}: no corner belongs to it; the cameras of a frame are C1 to C4"
-        )
+    corner = corner_number(camera)
     width, height = given.surface_mm
     known = np.flatnonzero(given.touches.known)
     points = given.touches.points_mm[known]
     nearest_side = np.argmin(_distances_to_sides_mm(points, given.surface_mm), axis=1)
-    turned = (nearest_side - CORNERS.index(camera)) % 4  # 0 begins at the camera, 1 and 2 are far
+    turned = (nearest_side - corner) % 4  # 0 begins at the camera, 1 and 2 are far
     x, y = points.T
     along_side = np.choose(nearest_side, [x, y, width - x, height - y])
     order = np.lexsort((along_side, turned))
@@ -166,8 +161,8 @@ def _projection_centre(
         x, y = solve_projection(given.touches.points_mm[seen], columns_px[seen]).position_mm
     except DegeneratePointsError as error:
         raise CalibrationError(f"camera {camera}: {error}") from None
-    width, height = given.surface_mm
-    corner = {(0, 0): "C1", (1, 0): "C2", (1, 1): "C3", (0, 1): "C4"}[x > width / 2, y > height / 2]
+    corners = np.array([corner_mm(each, given.surface_mm) for each in CORNERS])
+    corner = CORNERS[int(np.argmin(np.linalg.norm(corners - (x, y), axis=1)))]
     if corner != camera:
         raise CalibrationError(
             f"camera {camera}: its projection centre comes out at ({x:.0f}, {y:.0f}) mm, by the "
@@ -184,13 +179,13 @@ def _sigmas_mm(
 ) -> FloatArray:
     """Return how far off the lines are, (cameras, places) of the error map, NaN without a line.
 
-    A camera that sees no point of the near sides counts as without lines: nothing tells about them.
+    A camera that sees no points of the near sides counts as without lines: nothing tells of them.
     """
     _, _, places = places_mm(surface_mm)
     sigmas = np.full((len(models), len(places)), np.nan)
     for camera, (model, residuals) in enumerate(zip(models, residuals_mm, strict=True)):
-        if np.isfinite(residuals).any():
-            sigmas[camera, _has_line(model, places)] = rms(residuals)
+        sigma_mm = line_sigma_mm(residuals, FITTED_TO_NEAR_SIDES)
+        sigmas[camera, _has_line(model, places)] = sigma_mm
     return sigmas
 
 

@@ -53,8 +53,12 @@ def fit(method: Method, given: ReferenceTouches, tap_sigma_mm: float) -> Fitted:
 def make_calibration(
     method: Method, given: ReferenceTouches, fitted: Fitted, stamp: Stamp
 ) -> Calibration:
-    """Put together what was given and what was fitted."""
+    """Put together what was given and what was fitted.
+
+    Touches at known places tell how good it is; those at unknown ones only if there are no others.
+    """
     known = given.touches.known
+    telling_mm = fitted.residuals_mm[:, known] if known.any() else fitted.residuals_mm
     cameras = tuple(
         CameraCalibration(
             camera,
@@ -62,11 +66,9 @@ def make_calibration(
             given.formats[camera],
             given.empties[camera],
             model,
-            rms(residuals),
+            rms(telling),
         )
-        for camera, model, residuals in zip(
-            given.formats, fitted.models, fitted.residuals_mm, strict=True
-        )
+        for camera, model, telling in zip(given.formats, fitted.models, telling_mm, strict=True)
     )
     return Calibration(
         method,
@@ -76,7 +78,7 @@ def make_calibration(
         int(np.count_nonzero(known)),
         int(np.count_nonzero(~known)),
         int(np.count_nonzero(fitted.dropped)),
-        rms(fitted.residuals_mm),
+        rms(telling_mm),
         fitted.expected,
         cameras,
     )

@@ -6,18 +6,17 @@ the surface, and their level rays run in it.
 """
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.error_map import map_from_line_sigmas
-from cornertouchd.calibration.fitted import Fitted, distances_mm, rms
+from cornertouchd.calibration.fitted import Fitted, distances_mm, line_sigma_mm
 from cornertouchd.calibration.gathering import ReferenceTouches
 from cornertouchd.calibration.lenses import LensFit, fit_lens
 from cornertouchd.calibration.stereo import Pose, chain_poses
-from cornertouchd.geometry import nearest_point_to_lines
+from cornertouchd.geometry import nearest_points_to_lines
 from cornertouchd.locating.reconstruction import Axis, Reconstruction
 from cornertouchd.model import BoolArray, FloatArray, PictureFormat
 
@@ -25,6 +24,9 @@ FEWEST_CAMERAS = 3
 """Fewer projection centres leave open how the surface's plane lies."""
 
 FEWEST_POINTS = 2
+
+FITTED_TO_TAPS = 3
+"""A turn and a shift, of all cameras together."""
 
 OUTLIER_MEDIANS = 3.0
 OUTLIER_FLOOR_MM = 1.0
@@ -77,12 +79,13 @@ def fit_reconstruction(given: ReferenceTouches) -> Fitted:
     residuals = np.array(
         [distances_mm(model, points, seen) for model, seen in zip(models, columns, strict=True)]
     )
-    sigmas_mm = np.array([rms(one[used | ~given.touches.known]) for one in residuals])
+    # taps are few, so that all cameras' count together; what was triangulated would flatter
+    sigma_mm = line_sigma_mm(residuals[:, used], FITTED_TO_TAPS)
     return Fitted(
         models,
         residuals,
         given.touches.seen & given.touches.known & ~used,
-        map_from_line_sigmas(given.surface_mm, models, sigmas_mm),
+        map_from_line_sigmas(given.surface_mm, models, np.full(len(models), sigma_mm)),
     )
 
 
@@ -139,13 +142,7 @@ def _triangulated(cameras: Sequence[Reconstruction], columns_px: FloatArray) -> 
     angles = np.array(
         [camera.angles_rad(seen) for camera, seen in zip(cameras, columns_px, strict=True)]
     )
-    points = np.full((columns_px.shape[1], 2), np.nan)
-    for number, directions in enumerate(angles.T):
-        seen = np.isfinite(directions)
-        with suppress(np.linalg.LinAlgError):  # two cameras that look along one line
-            if np.count_nonzero(seen) >= 2:
-                points[number] = nearest_point_to_lines(origins[seen], directions[seen])
-    return points
+    return nearest_points_to_lines(origins, angles)
 
 
 def _rigid(seen_mm: FloatArray, true_mm: FloatArray) -> _Tie:

@@ -4,9 +4,10 @@ import numpy as np
 
 from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.error_map import map_from_line_sigmas
-from cornertouchd.calibration.fitted import Fitted, distances_mm, rms
+from cornertouchd.calibration.fitted import Fitted, distances_mm, line_sigma_mm
 from cornertouchd.calibration.gathering import ReferenceTouches
 from cornertouchd.locating.vanishing_point import (
+    FREEDOM,
     DegeneratePointsError,
     Projection,
     solve_projection,
@@ -27,7 +28,7 @@ def fit_vanishing_points(given: ReferenceTouches) -> Fitted:
             raise CalibrationError(f"camera {camera}: {error}") from None
         residuals.append(distances_mm(models[-1], touches.points_mm, centres))
     residuals_mm = np.array(residuals)
-    sigmas_mm = np.array([rms(one) for one in residuals])
+    sigmas_mm = np.array([line_sigma_mm(one, FREEDOM) for one in residuals])
     return Fitted(
         tuple(models),
         residuals_mm,

@@ -2,9 +2,11 @@
 
 import json
 import os
+from math import isqrt
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 from cornertouchd.calibration.boards import BoardPlan
 from cornertouchd.calibration.calibration import METHODS, Method
@@ -15,11 +17,16 @@ from cornertouchd.cli.calibrate_guided import GuideOptions, calibrate_guided
 from cornertouchd.cli.calibrate_recorded import Recordings, calibrate_recorded
 from cornertouchd.cli.print_board import print_board as draw_board
 from cornertouchd.cli.targets import Board, FiniteRange
+from cornertouchd.cli.working import require_writable
 from cornertouchd.config import Settings, find_settings, read_settings
 from cornertouchd.guiding.targets import targets_for
 from cornertouchd.runtime.assembly import calibration_file
 
 _PATH = click.Path(path_type=Path)
+
+RECORDINGS = {"taps", "points", "scribble", "empty", "boards"}
+GUIDED = {"simulate", "finger", "taps_wanted", "anew", "no_check", "limit_mm", "strip_picture"}
+ALONE = {"rollback", "schema", "print_board"}
 
 
 @click.group(invoke_without_command=True)
@@ -68,9 +75,10 @@ _PATH = click.Path(path_type=Path)
 )
 @click.option(
     "--taps-wanted",
-    type=click.IntRange(4, 2000),
-    help="Guided: how many places to tap; on a grid (a square number) or, for the lookup table, "
-    "along the frame.  Default: 16 (auto), 25 (vanishing-point), 225 (lookup-table).",
+    type=click.IntRange(0, 2000),
+    help="Guided: how many places to tap; on a grid (a square number; 0: go by where the cameras "
+    "are) or, for the lookup table, along the frame.  Default: 16 (auto), 25 (vanishing-point), "
+    "225 (lookup-table), 4 (reconstruction).",
 )
 @click.option("--anew", is_flag=True, help="Guided: forget taps of a session that was stopped.")
 @click.option("--no-check", is_flag=True, help="Guided: without the five fresh taps at the end.")
@@ -115,8 +123,16 @@ def calibrate(
     Without recordings it leads through all steps on the cameras: looks at them, learns the empty
     strip, waits for 16 taps and a scribble, shows the result, saves it, checks it with five taps.
     """
+    given = {
+        name
+        for name in context.params
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+    }
     if context.invoked_subcommand is not None:
+        if given:
+            raise click.UsageError(f"write options behind {context.invoked_subcommand}")
         return
+    _refuse_contradictions(given)
     if schema:
         click.echo(json.dumps(calibration_schema(), indent=2))
         return
@@ -127,15 +143,22 @@ def calibrate(
     path = find_settings(config_file, os.environ)
     settings = read_settings(path) if path else Settings()
     output = output or _usual_output(settings, simulate)
+    for file in (output, error_map, strip_picture):
+        require_writable(file)
     if rollback:
         back = rollback_calibration(output)
         click.echo(f"{output}: the calibration of {back.created_at} is in force again", err=True)
-    elif taps or scribble or empty or boards:
+    elif given & RECORDINGS:
         if empty is None:
             raise click.UsageError("--empty is missing: the recording of the empty surface")
+        if points and not taps:
+            raise click.UsageError("--points needs --recording, the taps that they belong to")
+        if boards and method != "reconstruction":
+            raise click.UsageError("--boards are for --method reconstruction")
         recordings = Recordings(empty, plan, taps, points, scribble, boards)
         calibrate_recorded(recordings, method, tap_sigma_mm, settings, output, error_map)
     else:
+        _require_square(method, taps_wanted)
         surface_mm = (settings.surface.width_mm, settings.surface.height_mm)
         options = GuideOptions(
             output=output,
@@ -152,6 +175,32 @@ def calibrate(
             plan=plan if method == "reconstruction" else None,
         )
         calibrate_guided(settings, options)
+
+
+def _refuse_contradictions(given: set[str]) -> None:
+    """Raise `UsageError` for options that would be passed over."""
+    if len(given & ALONE) > 1:
+        raise click.UsageError("--rollback, --schema and --print-board exclude each other")
+    if given & RECORDINGS and given & GUIDED:
+        names = ", ".join(f"--{name.replace('_', '-')}" for name in sorted(given & GUIDED))
+        raise click.UsageError(f"{names}: only without recordings, in the guided calibration")
+    if "finger" in given and "simulate" not in given:
+        raise click.UsageError("--finger moves the finger of the simulated rig: add --simulate")
+
+
+def _require_square(method: Method, count: int | None) -> None:
+    """Raise `UsageError` unless so many places can be tapped for the method."""
+    fewest = {"vanishing-point": 9, "lookup-table": 40, "reconstruction": 4, "auto": 0}[method]
+    if count is None:
+        return
+    if count < fewest:
+        raise click.UsageError(f"--taps-wanted {count}: {method} needs {fewest} at least")
+    side = isqrt(count)
+    if method != "lookup-table" and side * side != count:
+        raise click.UsageError(
+            f"--taps-wanted {count}: must be a square number, such as {side * side} or "
+            f"{(side + 1) ** 2}"
+        )
 
 
 def _usual_output(settings: Settings, simulate: bool) -> Path:

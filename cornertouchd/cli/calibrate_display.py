@@ -9,6 +9,7 @@ from cornertouchd.calibration.display import fit_display, save_display
 from cornertouchd.cli.following import follow
 from cornertouchd.cli.guided_rig import guided_rig
 from cornertouchd.cli.targets import FiniteRange
+from cornertouchd.cli.working import require_writable
 from cornertouchd.config import Settings, find_settings, read_settings
 from cornertouchd.guiding.display_taps import DisplayTaps, TappedCorners, watch_with
 from cornertouchd.runtime.assembly import display_file, find_calibration
@@ -45,18 +46,21 @@ def display(
     Touches are then told in the picture's own coordinates, also when it is turned or mirrored.
     Destinations whose display settings are not at their defaults keep those.
     """
-    output = output or _usual_output(simulate)
-    if forget:
-        output.unlink(missing_ok=True)
-        click.echo(f"{output}: removed", err=True)
-        return
     path = find_settings(config_file, os.environ)
     settings = read_settings(path) if path else Settings()
+    output = output or _usual_output(settings, simulate)
+    if forget:
+        _forget(output)
+        return
+    require_writable(output)
     if simulate:
         cameras = settings.cameras.model_copy(update={"source": "simulated"})
         settings = settings.model_copy(update={"cameras": cameras})
-    watch = watch_with(find_calibration(settings, os.environ), settings.vision)
+    calibration = find_calibration(settings, os.environ)
     with guided_rig(settings, simulate, finger) as rig, StopSignal() as stop:
+        for port in rig.ports:
+            calibration.camera(port.id).require_camera(port.format, port.identity)
+        watch = watch_with(calibration, [port.id for port in rig.ports], settings.vision)
         tapped = follow(DisplayTaps(watch), rig, settings, stop, ("display",))
     if not isinstance(tapped, TappedCorners):
         raise click.ClickException("stopped; nothing was saved")
@@ -72,7 +76,18 @@ def display(
     )
 
 
-def _usual_output(simulate: bool) -> Path:
+def _forget(file: Path) -> None:
+    try:
+        file.unlink()
+    except FileNotFoundError:
+        click.echo(f"{file}: there is none", err=True)
+    except OSError as error:
+        raise click.ClickException(f"{file}: cannot be removed: {error.strerror}") from error
+    else:
+        click.echo(f"{file}: removed", err=True)
+
+
+def _usual_output(settings: Settings, simulate: bool) -> Path:
     """Return the file that the daemon reads; a simulated display must not take its place."""
-    usual = display_file(os.environ)
+    usual = display_file(settings, os.environ)
     return usual.with_name("simulated-display.json") if simulate else usual

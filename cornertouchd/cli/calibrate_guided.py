@@ -1,7 +1,7 @@
 """The guided calibration: watch the cameras, lead through the steps, save, check."""
 
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
@@ -9,24 +9,21 @@ from rich.console import Console
 
 from cornertouchd.calibration.board_sights import BoardSight
 from cornertouchd.calibration.boards import BoardPlan
-from cornertouchd.calibration.calibration import Calibration, CalibrationError, Method
-from cornertouchd.calibration.comparison import compare
+from cornertouchd.calibration.calibration import Calibration, Method
 from cornertouchd.calibration.error_picture import draw_error_map
-from cornertouchd.calibration.file import load_calibration, save_calibration
 from cornertouchd.calibration.methods import make_calibration
 from cornertouchd.cli.calibration_report import (
-    calibration_report,
     camera_table,
-    comparison_table,
     light_table,
 )
+from cornertouchd.cli.calibration_result import tell_and_save
 from cornertouchd.cli.following import follow
 from cornertouchd.cli.guided_rig import GuidedRig, guided_rig, whole_picture_rig
 from cornertouchd.cli.working import write_picture
 from cornertouchd.config import Settings
 from cornertouchd.guiding.board_holding import HeldBoards, HoldBoards
 from cornertouchd.guiding.finger_watch import FingerWatch
-from cornertouchd.guiding.guide import CheckCameras, Done, Rig
+from cornertouchd.guiding.guide import CheckCameras, Done, Plan
 from cornertouchd.guiding.progress import TapStore
 from cornertouchd.guiding.status import StepName
 from cornertouchd.guiding.strip_picture import draw_strip_statistics
@@ -35,8 +32,12 @@ from cornertouchd.model import FloatArray
 from cornertouchd.runtime.stamping import stamp_now
 from cornertouchd.runtime.stop_signal import StopSignal
 
-STEPS: tuple[StepName, ...] = ("cameras", "empty", "taps", "scribble", "check")
-"""The other methods go without the scribble."""
+STEPS: dict[Method, tuple[StepName, ...]] = {
+    "auto": ("cameras", "empty", "taps", "scribble", "check"),
+    "lookup-table": ("cameras", "empty", "taps", "check"),
+    "vanishing-point": ("cameras", "empty", "taps", "check"),
+    "reconstruction": ("boards", "cameras", "empty", "taps", "check"),
+}
 
 
 @dataclass(frozen=True)
@@ -65,20 +66,21 @@ def calibrate_guided(settings: Settings, options: GuideOptions) -> None:
         stop = opened.enter_context(StopSignal())
         boards = _hold_boards(settings, options, stop) if options.plan else ()
         store = _store(rig, settings, options)
-        first = CheckCameras(_to_calibrate(rig, settings, options, store, boards))
-        done = follow(first, rig, settings, stop, STEPS)
+        first = CheckCameras(_plan(settings, options, store, boards))
+        done = follow(first, rig, settings, stop, STEPS[options.method])
         if not isinstance(done, Done):
             raise click.ClickException(_how_to_go_on(store, options))
-        calibration = make_calibration(options.method, done.given, done.fitted, stamp_now())
-        _tell(console, done, calibration, options)
-        save_calibration(calibration, options.output)
+        given = replace(done.given, identities=identities_of(rig))  # all cameras are there now
+        calibration = make_calibration(options.method, given, done.fitted, stamp_now())
+        console.print(camera_table(done.checks))
+        console.print(light_table(tuple(done.empty.statistics.values())))
+        tell_and_save(console, calibration, given, done.fitted, options.output)
         store.forget()
-        console.print(f"saved {options.output}", highlight=False)
         _draw(done, calibration, options)
         if options.check:
             watch = FingerWatch(done.empty.finders, done.fitted.models)
-            step = Validation(watch, calibration.surface_mm)
-            checked = follow(step, rig, settings, stop, STEPS)
+            step = Validation(watch, calibration, settings)
+            checked = follow(step, rig, settings, stop, STEPS[options.method])
             if isinstance(checked, Validated):
                 _judge(console, checked, options.limit_mm)
             else:
@@ -92,34 +94,35 @@ def _hold_boards(
     plan = options.plan or BoardPlan()
     with whole_picture_rig(settings, options.simulate, plan) as rig:
         first = HoldBoards(plan, {port.id: port.format for port in rig.ports})
-        held = follow(first, rig, settings, stop, ("boards", *STEPS))
+        held = follow(first, rig, settings, stop, STEPS[options.method])
     if not isinstance(held, HeldBoards):
         raise click.ClickException("stopped; nothing was saved")
     return held.sights
+
+
+def identities_of(rig: GuidedRig) -> dict[str, str]:
+    """Return what tells each camera from others of its kind."""
+    return {port.id: port.identity for port in rig.ports}
 
 
 def _store(rig: GuidedRig, settings: Settings, options: GuideOptions) -> TapStore:
     """Return where taps are kept until the calibration is saved."""
     path = options.output.with_name(f"{options.output.name}.taps")
     surface_mm = (settings.surface.width_mm, settings.surface.height_mm)
-    store = TapStore(path, surface_mm, {port.id: port.format for port in rig.ports})
+    formats = {port.id: port.format for port in rig.ports}
+    store = TapStore(path, surface_mm, formats, lambda: identities_of(rig))
     if options.anew:
         store.forget()
     return store
 
 
-def _to_calibrate(
-    rig: GuidedRig,
-    settings: Settings,
-    options: GuideOptions,
-    store: TapStore,
-    boards: tuple[BoardSight, ...],
-) -> Rig:
-    return Rig(
+def _plan(
+    settings: Settings, options: GuideOptions, store: TapStore, boards: tuple[BoardSight, ...]
+) -> Plan:
+    return Plan(
         options.method,
         store.surface_mm,
         store.formats,
-        {port.id: port.identity for port in rig.ports},
         options.targets_mm,
         options.tap_sigma_mm,
         settings.vision,
@@ -134,19 +137,6 @@ def _how_to_go_on(store: TapStore, options: GuideOptions) -> str:
         return "stopped; nothing was saved"
     taps = "1 tap is" if kept == 1 else f"{kept} taps are"
     return f"stopped; {taps} kept: start again to go on, --anew to begin anew"
-
-
-def _tell(console: Console, done: Done, calibration: Calibration, options: GuideOptions) -> None:
-    """Print what was found, and how it compares with the calibration in force."""
-    console.print(camera_table(done.checks))
-    console.print(light_table(tuple(done.empty.statistics.values())))
-    console.print(calibration_report(calibration, done.given, done.fitted))
-    try:
-        in_force = load_calibration(options.output)
-    except CalibrationError as error:
-        console.print(f"nothing to compare with: {error}", highlight=False)
-    else:
-        console.print(comparison_table(compare(in_force, calibration)))
 
 
 def _draw(done: Done, calibration: Calibration, options: GuideOptions) -> None:

@@ -9,13 +9,12 @@ from cornertouchd.calibration.board_sights import BoardSight, find_boards
 from cornertouchd.calibration.boards import BoardPlan
 from cornertouchd.calibration.calibration import Method
 from cornertouchd.calibration.error_picture import draw_error_map
-from cornertouchd.calibration.file import save_calibration
 from cornertouchd.calibration.methods import fit, make_calibration
-from cornertouchd.cli.calibration_report import calibration_report
+from cornertouchd.cli.calibration_result import tell_and_save
 from cornertouchd.cli.working import write_picture
 from cornertouchd.config import Settings
-from cornertouchd.devices.recording import open_recording, read_points
-from cornertouchd.runtime.recorded_touches import gather_recorded
+from cornertouchd.devices.recording import Recording, open_recording, read_points
+from cornertouchd.runtime.recorded_touches import gather_recorded, require_boards_of
 from cornertouchd.runtime.stamping import stamp_now
 
 
@@ -45,27 +44,26 @@ def calibrate_recorded(
     """Calibrate and save.  Raises `CalibrationError` or `RecordingError`."""
     taps = open_recording(recordings.taps) if recordings.taps else None
     points_file = recordings.points or (recordings.taps and recordings.taps / "points.csv")
+    empty = open_recording(recordings.empty)
     given = gather_recorded(
         taps,
         read_points(points_file) if points_file else (),
         open_recording(recordings.scribble) if recordings.scribble else None,
-        open_recording(recordings.empty),
+        empty,
         settings.vision,
-        _boards(recordings),
+        _boards(recordings, empty),
     )
     fitted = fit(method, given, tap_sigma_mm)
     calibration = make_calibration(method, given, fitted, stamp_now())
-    save_calibration(calibration, output)
-    console = Console(stderr=True)
-    console.print(calibration_report(calibration, given, fitted))
-    console.print(f"saved {output}", highlight=False)
+    tell_and_save(Console(stderr=True), calibration, given, fitted, output)
     if error_map is not None:
         write_picture(error_map, draw_error_map(calibration))
 
 
-def _boards(recordings: Recordings) -> tuple[BoardSight, ...]:
-    """Return where the board was seen; its pictures may hold more rows than those of the taps."""
+def _boards(recordings: Recordings, empty: Recording) -> tuple[BoardSight, ...]:
+    """Return where the board was seen; its pictures may hold more rows than the others."""
     if recordings.boards is None:
         return ()
     recording = open_recording(recordings.boards)
+    require_boards_of(empty, recording)
     return find_boards(recordings.plan, recording, recording.formats)

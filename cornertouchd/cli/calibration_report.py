@@ -18,7 +18,7 @@ from cornertouchd.model import FloatArray
 
 STYLES = {"good": "green", "doubtful": "yellow", "bad": "bold red"}
 
-COARSE = 4
+COARSE = 5
 """Places along either side of the table of errors."""
 
 MOST_TAPS = 30
@@ -57,7 +57,7 @@ def light_table(statistics: Sequence[LightStatistics]) -> RenderableType:
     for one in statistics:
         table.add_row(
             one.camera,
-            f"{np.nanmin(one.minimum):.0f} to {np.nanmax(one.maximum):.0f}",
+            f"{np.nanpercentile(one.minimum, 2):.0f} to {np.nanmax(one.maximum):.0f}",
             f"{one.signal_to_noise:.0f}",
             f"{one.strip_gradient:.0f}",
             "none" if one.suggested_t1 is None else f"{one.suggested_t1:.0f}",
@@ -84,7 +84,7 @@ def residual_table(given: ReferenceTouches, fitted: Fitted) -> RenderableType:
             f"{x:.1f}, {y:.1f}",
             f"{np.count_nonzero(seen[number])} of {seen.shape[1]}",
             str(np.count_nonzero(fitted.dropped[number])),
-            f"{rms(fitted.residuals_mm[number]):.3f}",
+            _known(rms(fitted.residuals_mm[number]), ".3f"),
         )
     return table
 
@@ -93,7 +93,7 @@ def tap_table(given: ReferenceTouches, fitted: Fitted) -> RenderableType:
     """Return how far each tap is from the lines that see it; of many taps the worst."""
     taps = np.flatnonzero(given.touches.known)
     residuals = fitted.residuals_mm[:, taps]
-    sizes = np.array([rms(tap) if np.isfinite(tap).any() else np.nan for tap in residuals.T])
+    sizes = np.array([rms(tap) for tap in residuals.T])
     listed = np.arange(len(taps))
     title = "taps"
     if len(taps) > MOST_TAPS:
@@ -121,14 +121,19 @@ def tap_table(given: ReferenceTouches, fitted: Fitted) -> RenderableType:
 def error_table(expected: ErrorMap) -> RenderableType:
     """Return the expected errors in mm, a few places along either side."""
     rows, columns = (
-        np.rint((np.arange(COARSE) + 0.5) / COARSE * (count - 1)).astype(int).tolist()
+        np.rint(np.linspace(0, count - 1, COARSE)).astype(int).tolist()
         for count in expected.errors_mm.shape
     )
     table = _table("expected error mm", *(f"x {expected.x_mm[column]:.0f}" for column in columns))
     for row in rows:
         errors = expected.errors_mm[row, columns].tolist()
         table.add_row(f"y {expected.y_mm[row]:.0f}", *(_known(error, ".2f") for error in errors))
-    return Group(table, Text(f"RMS {expected.rms_mm:.2f} mm, worst {expected.worst_mm:.2f} mm"))
+    return Group(
+        table,
+        Text(
+            f"RMS {_known(expected.rms_mm, '.2f')} mm, worst {_known(expected.worst_mm, '.2f')} mm"
+        ),
+    )
 
 
 def comparison_table(comparison: Comparison) -> RenderableType:
@@ -167,7 +172,8 @@ def calibration_report(
     parts.append(error_table(calibration.expected))
     summary = (
         f"method {calibration.method}: {calibration.reference_points} taps, "
-        f"{calibration.scribble_points} scribbled; residual {calibration.residual_mm:.3f} mm"
+        f"{calibration.scribble_points} scribbled; residual "
+        f"{_known(calibration.residual_mm, '.3f')} mm"
     )
     return Group(*parts, Text(summary))
 

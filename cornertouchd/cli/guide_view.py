@@ -26,7 +26,6 @@ TITLES: dict[StepName, str] = {
     "scribble": "Scribble",
     "check": "Check",
     "display": "Display",
-    "done": "Result",
 }
 
 LARGEST_PLAN = (56, 20)
@@ -124,7 +123,7 @@ def status_line(status: Status) -> str:
         )
     if status.target_mm is not None:
         x_mm, y_mm = status.target_mm
-        words.append(f"{x_mm:.0f} mm from the left, {y_mm:.0f} mm from the top")
+        words.append(f"{x_mm:g} mm from the left, {y_mm:g} mm from the top")
     if status.visited is not None:
         words.append(f"{status.progress:.0%}")
     return " - ".join([*words, status.hint])

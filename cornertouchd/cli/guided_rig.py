@@ -58,7 +58,7 @@ def guided_rig(settings: Settings, simulate: bool, finger: Path | None) -> Itera
     rig = make_rig(settings)
     hand = Hand()
     seed = settings.simulation.seed
-    ports = rig_ports(rig, hand.fingers_at, clock, SIMULATED_RATE_HZ)
+    ports = _enabled(rig_ports(rig, hand.fingers_at, clock, SIMULATED_RATE_HZ), settings)
     if finger is None:
         person = Person(hand, rig.surface_mm, seed)
         yield GuidedRig(ports, lambda status: _obey(person, status, rig.surface_mm, clock.now_s()))
@@ -82,8 +82,12 @@ def whole_picture_rig(settings: Settings, simulate: bool, plan: BoardPlan) -> It
         return
     rig = make_rig(settings, settings.cameras.height_px)
     holder = BoardHolder(rig, plan, settings.simulation.seed)
-    ports = painted_ports(rig.formats, holder.paints, clock, BOARD_RATE_HZ)
+    ports = _enabled(painted_ports(rig.formats, holder.paints, clock, BOARD_RATE_HZ), settings)
     yield GuidedRig(ports, lambda status: holder.hold(status.number, clock.now_s()))
+
+
+def _enabled(ports: Sequence[CameraPort], settings: Settings) -> Sequence[CameraPort]:
+    return [port for port in ports if port.id in settings.cameras.enabled_ids]
 
 
 def _obey(person: Person, status: Status, surface_mm: tuple[float, float], now_s: float) -> None:
@@ -131,3 +135,4 @@ def _move(hand: Hand, lines: IO[str]) -> None:
             hand.touch(*place_mm)
         else:
             click.echo(f"{line.strip()!r} is not X Y in millimetres", err=True)
+    hand.lift()

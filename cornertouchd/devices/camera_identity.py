@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from cornertouchd.calibration.calibration import LONGEST_IDENTITY
+
 SYSFS = Path("/sys")
-LONGEST_SERIAL = 100
 
 
 def camera_identity(device: str, sysfs: Path = SYSFS) -> str:
@@ -12,7 +13,12 @@ def camera_identity(device: str, sysfs: Path = SYSFS) -> str:
 
     A USB camera is known by its serial number, wherever it is plugged in; where it has none, or
     other cameras bear the same (some makers number all of them alike), by the port it hangs on.
+    Of a long one, as much as calibrations keep.
     """
+    return _identity(device, sysfs)[:LONGEST_IDENTITY]
+
+
+def _identity(device: str, sysfs: Path) -> str:
     if not device.startswith("/dev/"):
         return f"file {Path(device).name}"
     class_directory = sysfs / "class" / "video4linux"
@@ -53,4 +59,4 @@ def _read(attribute: Path) -> str:
         text = attribute.read_text(encoding="ascii", errors="replace")
     except OSError:
         return ""
-    return "".join(c if c.isprintable() else "?" for c in text.strip())[:LONGEST_SERIAL]
+    return "".join(c if c.isprintable() else "?" for c in text.strip())

@@ -14,6 +14,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from cornertouchd.calibration.calibration import LONGEST_IDENTITY
 from cornertouchd.model import PictureFormat
 
 FORMAT: Literal["cornertouchd-recording"] = "cornertouchd-recording"
@@ -43,7 +44,7 @@ class RecordedCamera(_Entry):
     height_px: int = Field(ge=1, le=65_536)
     row_offset_px: int = Field(ge=0)
     rows_px: int = Field(ge=1)
-    identity: str = Field("", max_length=200)
+    identity: str = Field("", max_length=LONGEST_IDENTITY)
 
     @model_validator(mode="after")
     def _refuse_rows_below_the_image(self) -> Self:

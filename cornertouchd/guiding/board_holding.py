@@ -5,8 +5,11 @@ from dataclasses import dataclass
 
 from cornertouchd.calibration.board_sights import BoardSight
 from cornertouchd.calibration.boards import BoardPlan
+from cornertouchd.calibration.calibration import CalibrationError
+from cornertouchd.calibration.lenses import fit_lens
+from cornertouchd.calibration.stereo import chain_poses
 from cornertouchd.guiding.board_gathering import BoardGathering, BoardProgress
-from cornertouchd.guiding.status import Status, Step
+from cornertouchd.guiding.status import Result, Status, Step
 from cornertouchd.model import Frame, PictureFormat
 
 
@@ -15,37 +18,43 @@ class HoldBoards:
 
     def __init__(self, plan: BoardPlan, formats: Mapping[str, PictureFormat]) -> None:
         self._gathering = BoardGathering(plan, formats)
+        self._formats = formats
         self._progress: BoardProgress | None = None
         self._kept = 0
+        self._trouble = ""
 
     @property
     def status(self) -> Status:
         """What to do, and how far it is."""
         if self._progress is None:
             return Status("boards", "hold the board up, so that two cameras see all of it")
-        return Status("boards", _hint(self._progress), self._progress.share, number=self._kept)
+        hint = self._trouble or _hint(self._progress)
+        return Status("boards", hint, self._progress.share, number=self._kept)
 
-    def feed(self, frames: Sequence[Frame]) -> Step:
-        """Take a frame set of whole pictures; return the sights when they are enough."""
+    def feed(self, frames: Sequence[Frame]) -> Step | Result:
+        """Take a frame set of whole pictures; return the sights when the cameras can be fitted."""
         self._progress = self._gathering.feed(frames)
         self._kept += self._progress.kept
-        return HeldBoards(self._gathering.sights) if self._progress.enough else self
+        if not (self._progress.enough and self._progress.kept):
+            return self
+        try:
+            chain_poses(
+                {
+                    camera: fit_lens(camera, self._gathering.sights, size)
+                    for camera, size in self._formats.items()
+                }
+            )
+        except CalibrationError as error:
+            self._trouble = f"not yet: {error}"
+            return self
+        return HeldBoards(self._gathering.sights)
 
 
 @dataclass(frozen=True)
-class HeldBoards:
+class HeldBoards(Result):
     """The last step: every sight that was kept."""
 
     sights: tuple[BoardSight, ...]
-
-    @property
-    def status(self) -> Status:
-        """Nothing is left to do."""
-        return Status("done", "", 1.0)
-
-    def feed(self, frames: Sequence[Frame]) -> Step:  # noqa: ARG002  nothing is left to see
-        """Stay."""
-        return self
 
 
 def _hint(progress: BoardProgress) -> str:

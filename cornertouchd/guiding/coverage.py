@@ -40,8 +40,9 @@ class ScribbleCoverage:
         """Share of what suffices, 0..1."""
         return min(1.0, float(np.mean(self.visited)) / ENOUGH_SHARE)
 
+    @property
     def is_enough(self) -> bool:
-        """Tell whether the scribble suffices."""
+        """Whether the scribble suffices."""
         return self.share >= 1.0
 
     def wants(self, place_mm: FloatArray) -> bool:

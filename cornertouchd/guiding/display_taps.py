@@ -6,25 +6,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from cornertouchd.calibration.calibration import Calibration
+from cornertouchd.calibration.display import CORNERS
 from cornertouchd.calibration.observing import find_strips, make_finders
 from cornertouchd.config import VisionSettings
 from cornertouchd.guiding.finger_watch import FingerWatch, TapWatch, place_mm
-from cornertouchd.guiding.status import Status, Step
+from cornertouchd.guiding.status import Result, Status, Step
 from cornertouchd.guiding.tapping import TapState
 from cornertouchd.model import FloatArray, Frame
-
-CORNER_NAMES = ("top left", "top right", "bottom right", "bottom left")
-"""Of the picture, as who looks at it sees it; in the order in which they are tapped."""
 
 SAME_PLACE_MM = 20.0
 """Two corners of a display are farther apart than this: a second tap so near is the same one."""
 
 
-def watch_with(calibration: Calibration, vision: VisionSettings) -> FingerWatch:
-    """Return what finds a finger as the daemon does, by a calibration in force."""
-    empties = {camera.id: camera.empty for camera in calibration.cameras}
+def watch_with(
+    calibration: Calibration, camera_ids: Sequence[str], vision: VisionSettings
+) -> FingerWatch:
+    """Return what finds a finger by a calibration in force, with these of its cameras.
+
+    Raises `CalibrationError` for a camera that it does not have.
+    """
+    cameras = [calibration.camera(camera_id) for camera_id in camera_ids]
+    empties = {camera.id: camera.empty for camera in cameras}
     finders = make_finders(find_strips(empties), empties, vision)
-    return FingerWatch(finders, [camera.model for camera in calibration.cameras])
+    return FingerWatch(finders, [camera.model for camera in cameras])
 
 
 class DisplayTaps:
@@ -44,15 +48,15 @@ class DisplayTaps:
         return Status(
             "display",
             self._said if self._said and quiet else self._taps.hint,
-            number / len(CORNER_NAMES),
+            number / len(CORNERS),
             number=number + 1,
-            of=len(CORNER_NAMES),
-            name=f"{CORNER_NAMES[number]} of the picture",
+            of=len(CORNERS),
+            name=f"{CORNERS[number]} of the picture",
             tapped_mm=tuple((float(x), float(y)) for x, y in self._places),
             held=self._taps.held_share,
         )
 
-    def feed(self, frames: Sequence[Frame]) -> Step:
+    def feed(self, frames: Sequence[Frame]) -> Step | Result:
         """Take a frame set; return the four places when all corners have been tapped."""
         tap = self._taps.feed(frames)
         place = None if tap is None else place_mm(self._watch.models, tap)
@@ -67,16 +71,7 @@ class DisplayTaps:
 
 
 @dataclass(frozen=True)
-class TappedCorners:
+class TappedCorners(Result):
     """The last step: where the corners of the picture are, (4, 2) in the order of their names."""
 
     places_mm: FloatArray
-
-    @property
-    def status(self) -> Status:
-        """Nothing is left to do."""
-        return Status("done", "", 1.0)
-
-    def feed(self, frames: Sequence[Frame]) -> Step:  # noqa: ARG002  nothing is left to see
-        """Stay."""
-        return self

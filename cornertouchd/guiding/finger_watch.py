@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cornertouchd.calibration.observing import edges_of_touch, touches_seen
-from cornertouchd.geometry import nearest_point_to_lines
-from cornertouchd.guiding.tapping import TapDetector, TapState
+from cornertouchd.geometry import nearest_points_to_lines
+from cornertouchd.guiding.tapping import FEWEST_CAMERAS, TapDetector, TapState
 from cornertouchd.locating.camera_model import CameraModel
 from cornertouchd.model import FloatArray, Frame
 from cornertouchd.vision.finder import ShadowFinder
@@ -34,6 +34,11 @@ class Sight:
     place_mm: FloatArray | None
     several: bool = False
 
+    @property
+    def seen_by(self) -> int:
+        """How many cameras see it."""
+        return int(np.count_nonzero(np.isfinite(self.columns_px).all(axis=1)))
+
 
 class FingerWatch:
     """Looks for one finger in frame sets; finders and models are of the same cameras."""
@@ -53,17 +58,25 @@ class FingerWatch:
 
 
 class TapWatch:
-    """Waits for taps."""
+    """Waits for taps that `needed` cameras see."""
 
-    def __init__(self, watch: FingerWatch) -> None:
+    def __init__(self, watch: FingerWatch, needed: int = FEWEST_CAMERAS) -> None:
         self._watch = watch
-        self._detector = TapDetector(len(watch.models))
-        self._several = False
+        self._detector = TapDetector(len(watch.models), needed)
 
     @property
     def held_share(self) -> float:
         """How long the finger has been held, 0..1 of what makes a tap."""
         return self._detector.held_share
+
+    @property
+    def hidden(self) -> int:
+        """How many touches too few cameras saw, since the last tap."""
+        return self._detector.hidden
+
+    def forget_hidden(self) -> None:
+        """Count them anew."""
+        self._detector.hidden = 0
 
     @property
     def state(self) -> TapState:
@@ -73,12 +86,11 @@ class TapWatch:
     @property
     def hint(self) -> str:
         """What to do."""
-        if self._several:
-            return "only one finger, please"
         return {
             TapState.AWAY: "tap the marked place, and hold still",
             TapState.TOO_SHORT: "too short: hold still a moment longer",
             TapState.HIDDEN: "too few cameras see the finger: hold it upright, away from others",
+            TapState.SEVERAL: "only one finger, please",
             TapState.MOVING: "hold still",
             TapState.HOLDING: "hold still",
             TapState.TAPPED: "lift the finger",
@@ -87,7 +99,9 @@ class TapWatch:
     def feed(self, frames: Sequence[Frame]) -> FloatArray | None:
         """Take a frame set; return a tap, (cameras, 2) edges, NaN unseen, when it is one."""
         sight = self._watch.look(frames)
-        self._several = sight.several
+        if sight.several:
+            self._detector.disturb(sight.captured_at_s)
+            return None
         still_px = _still_px(self._watch.models, sight)
         return self._detector.update(sight.captured_at_s, sight.columns_px, still_px)
 
@@ -98,12 +112,9 @@ def place_mm(models: Sequence[CameraModel], columns_px: FloatArray) -> FloatArra
     angles = np.array(
         [model.angles_rad(np.array([u]))[0] for model, u in zip(models, middles, strict=True)]
     )
-    seen = np.isfinite(angles)
     origins = np.array([model.position_mm for model in models])
-    try:
-        return nearest_point_to_lines(origins[seen], angles[seen])
-    except np.linalg.LinAlgError:
-        return None
+    place: FloatArray = nearest_points_to_lines(origins, angles[:, None])[0]
+    return place if np.isfinite(place).all() else None
 
 
 def _still_px(models: Sequence[CameraModel], sight: Sight) -> FloatArray:
@@ -114,7 +125,7 @@ def _still_px(models: Sequence[CameraModel], sight: Sight) -> FloatArray:
     for camera, model in enumerate(models):
         middle = sight.columns_px[camera].mean(keepdims=True)
         away_mm = np.linalg.norm(sight.place_mm - model.position_mm)
-        px_mm = float(np.abs(model.slopes_rad_px(middle))[0] * away_mm)
-        if px_mm > 0.0:
-            still_px[camera] = np.hypot(JITTER_PX, TREMOR_MM / px_mm)
+        mm_per_px = float(np.abs(model.slopes_rad_px(middle))[0] * away_mm)
+        if mm_per_px > 0.0:
+            still_px[camera] = np.hypot(JITTER_PX, TREMOR_MM / mm_per_px)
     return still_px

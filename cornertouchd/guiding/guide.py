@@ -7,7 +7,7 @@ import numpy as np
 
 from cornertouchd.calibration.auto import FEWEST_TOUCHES, starting_point
 from cornertouchd.calibration.board_sights import BoardSight
-from cornertouchd.calibration.calibration import CalibrationError, Method
+from cornertouchd.calibration.calibration import CalibrationError, Method, TapsDoNotFitError
 from cornertouchd.calibration.fitted import Fitted
 from cornertouchd.calibration.gathering import ReferenceTouches
 from cornertouchd.calibration.joint_fit import TouchColumns
@@ -18,7 +18,8 @@ from cornertouchd.guiding.coverage import ScribbleCoverage
 from cornertouchd.guiding.empty_surface import EmptyLearner, EmptySurface
 from cornertouchd.guiding.finger_watch import FingerWatch
 from cornertouchd.guiding.progress import TapStore
-from cornertouchd.guiding.status import Status, Step
+from cornertouchd.guiding.status import Result, Status, Step
+from cornertouchd.guiding.tapping import FEWEST_CAMERAS
 from cornertouchd.guiding.target_taps import TargetTaps
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.locating.camera_model import CameraModel
@@ -43,13 +44,12 @@ MOST_ROUNDS = 3
 
 
 @dataclass(frozen=True)
-class Rig:
-    """What is to be calibrated, and how."""
+class Plan:
+    """What is to be calibrated, and how; `store` keeps the taps."""
 
     method: Method
     surface_mm: tuple[float, float]
     formats: Mapping[str, PictureFormat]
-    identities: Mapping[str, str]
     targets_mm: FloatArray
     tap_sigma_mm: float
     vision: VisionSettings
@@ -60,9 +60,9 @@ class Rig:
 class CheckCameras:
     """First: is every camera fit for it?  Looks on until none has a bad finding."""
 
-    def __init__(self, rig: Rig) -> None:
-        self._rig = rig
-        self._pictures: dict[str, list[Picture]] = {camera: [] for camera in rig.formats}
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._pictures: dict[str, list[Picture]] = {camera: [] for camera in plan.formats}
         self._checks: tuple[CameraCheck, ...] = ()
 
     @property
@@ -73,7 +73,7 @@ class CheckCameras:
         seen = min(len(pictures) for pictures in self._pictures.values())
         return Status("cameras", hint, seen / CHECK_PICTURES, self._checks)
 
-    def feed(self, frames: Sequence[Frame]) -> Step:
+    def feed(self, frames: Sequence[Frame]) -> Step | Result:
         """Take a frame set; go on when all cameras are fit."""
         for frame in frames:
             self._pictures[frame.camera].append(frame.pixels)
@@ -84,16 +84,16 @@ class CheckCameras:
         )
         self._pictures = {camera: [] for camera in self._pictures}
         fit = all(check.verdict != "bad" for check in self._checks)
-        return LearnEmpty(self._rig, self._checks) if fit else self
+        return LearnEmpty(self._plan, self._checks) if fit else self
 
 
 class LearnEmpty:
     """Second: the empty strip."""
 
-    def __init__(self, rig: Rig, checks: tuple[CameraCheck, ...]) -> None:
-        self._rig = rig
+    def __init__(self, plan: Plan, checks: tuple[CameraCheck, ...]) -> None:
+        self._plan = plan
         self._checks = checks
-        self._learner = EmptyLearner(rig.vision)
+        self._learner = EmptyLearner(plan.vision)
         self._trouble = ""
 
     @property
@@ -104,7 +104,7 @@ class LearnEmpty:
             hint = f"something moved: {hint}"
         return Status("empty", self._trouble or hint, self._learner.share, self._checks)
 
-    def feed(self, frames: Sequence[Frame]) -> Step:
+    def feed(self, frames: Sequence[Frame]) -> Step | Result:
         """Take a frame set; go on when the empty surface is known."""
         try:
             empty = self._learner.feed(frames)
@@ -112,27 +112,32 @@ class LearnEmpty:
             self._trouble = str(error)
             return self
         self._trouble = ""
-        return self if empty is None else TapTargets(self._rig, empty, self._checks).next_step()
+        return self if empty is None else TapTargets(self._plan, empty, self._checks).next_step()
 
 
 class TapTargets:
     """Third: a tap at each target.  Taps that do not fit the others are asked for again."""
 
-    def __init__(self, rig: Rig, empty: EmptySurface, checks: tuple[CameraCheck, ...]) -> None:
-        self._rig = rig
+    def __init__(self, plan: Plan, empty: EmptySurface, checks: tuple[CameraCheck, ...]) -> None:
+        self._plan = plan
         self._empty = empty
         self._checks = checks
         self._rounds = 0
-        start = starting_point(reference_touches(rig, empty, {}, ()))
+        start = starting_point(reference_touches(plan, empty, {}, ()))
         self._rough = [
             AnglePolynomial((float(x), float(y)), (float(a_0), float(a_1)), form.width_px)
             for (x, y), (a_0, a_1), form in zip(
-                start.positions_mm, start.angles_rad, rig.formats.values(), strict=True
+                start.positions_mm, start.angles_rad, plan.formats.values(), strict=True
             )
         ]
-        far_off_mm = max(FAR_OFF_MM, FAR_OFF_SHARE * float(np.hypot(*rig.surface_mm)))
-        self._taps = TargetTaps(FingerWatch(empty.finders, self._rough), rig.targets_mm, far_off_mm)
-        self._taps.taps.update(rig.store.load(rig.targets_mm))
+        far_off_mm = max(FAR_OFF_MM, FAR_OFF_SHARE * float(np.hypot(*plan.surface_mm)))
+        self._taps = TargetTaps(
+            FingerWatch(empty.finders, self._rough),
+            plan.targets_mm,
+            far_off_mm,
+            needed=2 if plan.method == "lookup-table" else FEWEST_CAMERAS,
+        )
+        self._taps.taps.update(plan.store.load(plan.targets_mm))
         if self._taps.taps:
             kept = len(self._taps.taps)
             self._taps.say(f"{kept} taps are kept from before: go on with the marked place")
@@ -142,33 +147,48 @@ class TapTargets:
         """What to do, and how far it is."""
         return self._taps.status("taps")
 
-    def feed(self, frames: Sequence[Frame]) -> Step:
+    def feed(self, frames: Sequence[Frame]) -> Step | Result:
         """Take a frame set; keep every tap; go on when all are there and fit."""
         if not self._taps.feed(frames):
             return self
         self._keep()
         return self.next_step()
 
-    def next_step(self) -> Step:
+    def next_step(self) -> Step | Result:
         """Return what follows when all taps are there and fit, until then this step."""
         if self._taps.target is not None:
             return self
-        given = reference_touches(self._rig, self._empty, self._taps.taps, ())
-        if self._rig.method == "auto" and len(self._taps.taps) < FEWEST_TO_CHECK:
-            return Scribble(self._rig, self._empty, self._checks, self._taps.taps, self._rough)
+        given = reference_touches(self._plan, self._empty, self._taps.taps, ())
+        if self._plan.method == "auto" and len(self._taps.taps) < FEWEST_TO_CHECK:
+            return self._scribble(self._rough)
         try:
-            fitted = fit(self._rig.method, given, self._rig.tap_sigma_mm)
-        except CalibrationError as error:
-            self._ask_again(list(self._taps.taps), f"all taps are needed again: {error}")
-            return self
-        off = np.flatnonzero(fitted.dropped.sum(axis=0) >= BAD_IN_CAMERAS).tolist()
+            fitted = fit(self._plan.method, given, self._plan.tap_sigma_mm)
+        except TapsDoNotFitError as error:
+            return self.begin_again(error)
+        numbers = np.array(sorted(self._taps.taps))
+        off = numbers[fitted.dropped.sum(axis=0) >= BAD_IN_CAMERAS].tolist()
         if off and self._rounds < MOST_ROUNDS:
             text = "1 tap was" if len(off) == 1 else f"{len(off)} taps were"
             self._ask_again(off, f"{text} beside the marked place: tap again")
             return self
-        if self._rig.method == "auto":
-            return Scribble(self._rig, self._empty, self._checks, self._taps.taps, fitted.models)
+        if self._plan.method == "auto":
+            return self._scribble(fitted.models)
         return Done(self._empty, self._checks, given, fitted)
+
+    def begin_again(self, error: TapsDoNotFitError) -> Step:
+        """Ask for all taps again.  Raises the error when that has been done often enough."""
+        if self._rounds >= MOST_ROUNDS:
+            raise error
+        self._ask_again(list(self._taps.taps), f"all taps are needed again: {error}")
+        return self
+
+    def _scribble(self, models: Sequence[CameraModel]) -> Step:
+        return Scribble(self._plan, self._empty, self._checks, self, models)
+
+    @property
+    def taps(self) -> Mapping[int, FloatArray]:
+        """The taps that are there, by the number of their target."""
+        return self._taps.taps
 
     def _ask_again(self, numbers: Sequence[int], text: str) -> None:
         self._rounds += 1
@@ -177,7 +197,7 @@ class TapTargets:
         self._keep()
 
     def _keep(self) -> None:
-        self._rig.store.save(self._rig.targets_mm, self._taps.taps)
+        self._plan.store.save(self._plan.targets_mm, self._taps.taps)
 
 
 class Scribble:
@@ -185,18 +205,19 @@ class Scribble:
 
     def __init__(
         self,
-        rig: Rig,
+        plan: Plan,
         empty: EmptySurface,
         checks: tuple[CameraCheck, ...],
-        taps: Mapping[int, FloatArray],
+        taps: TapTargets,
         models: Sequence[CameraModel],
     ) -> None:
-        self._rig = rig
+        self._plan = plan
         self._empty = empty
         self._checks = checks
         self._taps = taps
         self._watch = FingerWatch(empty.finders, models)
-        self._coverage = ScribbleCoverage(rig.surface_mm)
+        self._needed = min(FEWEST_CAMERAS, len(plan.formats))
+        self._coverage = ScribbleCoverage(plan.surface_mm)
         self._touches: list[FloatArray] = []
         self._several = False
         self._finger_mm: tuple[float, float] | None = None
@@ -214,23 +235,29 @@ class Scribble:
             finger_mm=self._finger_mm,
         )
 
-    def feed(self, frames: Sequence[Frame]) -> Step:
-        """Take a frame set; fit everything when the scribble suffices."""
+    def feed(self, frames: Sequence[Frame]) -> Step | Result:
+        """Take a frame set; fit everything when the scribble suffices.
+
+        A touch counts when three cameras see it: two lines meet wherever the cameras stand.
+        """
         sight = self._watch.look(frames)
         self._several, self._finger_mm = sight.several, None
         if sight.place_mm is not None:
             self._finger_mm = float(sight.place_mm[0]), float(sight.place_mm[1])
-            if self._coverage.wants(sight.place_mm):
+            if sight.seen_by >= self._needed and self._coverage.wants(sight.place_mm):
                 self._touches.append(sight.columns_px)
-        if not self._coverage.is_enough():
+        if not self._coverage.is_enough:
             return self
-        given = reference_touches(self._rig, self._empty, self._taps, self._touches)
-        fitted = fit(self._rig.method, given, self._rig.tap_sigma_mm)
+        given = reference_touches(self._plan, self._empty, self._taps.taps, self._touches)
+        try:
+            fitted = fit(self._plan.method, given, self._plan.tap_sigma_mm)
+        except TapsDoNotFitError as error:
+            return self._taps.begin_again(error)
         return Done(self._empty, self._checks, given, fitted)
 
 
 @dataclass(frozen=True)
-class Done:
+class Done(Result):
     """Last: what was found, given and fitted."""
 
     empty: EmptySurface
@@ -238,18 +265,9 @@ class Done:
     given: ReferenceTouches
     fitted: Fitted
 
-    @property
-    def status(self) -> Status:
-        """Nothing is left to do."""
-        return Status("done", "", 1.0)
-
-    def feed(self, frames: Sequence[Frame]) -> Step:  # noqa: ARG002  nothing is left to see
-        """Stay."""
-        return self
-
 
 def reference_touches(
-    rig: Rig,
+    plan: Plan,
     empty: EmptySurface,
     taps: Mapping[int, FloatArray],
     scribble: Sequence[FloatArray],
@@ -258,19 +276,18 @@ def reference_touches(
     numbers = sorted(taps)
     columns = [taps[number] for number in numbers] + list(scribble)
     places = np.full((len(columns), 2), np.nan)
-    places[: len(numbers)] = rig.targets_mm[numbers]
-    shape = (len(columns), len(rig.formats), 2)
+    places[: len(numbers)] = plan.targets_mm[numbers]
+    shape = (len(columns), len(plan.formats), 2)
     touches = TouchColumns(
         np.array(columns, np.float64).reshape(shape).transpose(1, 0, 2),
         places,
         np.full(len(columns), np.nan),
     )
     return ReferenceTouches(
-        rig.surface_mm,
-        rig.formats,
+        plan.surface_mm,
+        plan.formats,
         empty.empties,
         empty.strips,
         touches,
-        rig.boards,
-        rig.identities,
+        plan.boards,
     )

@@ -1,7 +1,7 @@
 """Taps of a calibration that is not finished: kept after every tap, so that none is lost."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,11 +31,15 @@ class _Progress(BaseModel):
 
 @dataclass(frozen=True)
 class TapStore:
-    """Where taps are kept, and the rig that they belong to."""
+    """Where taps are kept, and the rig that they belong to.
+
+    `identities` are asked for when the cameras are there.
+    """
 
     path: Path
     surface_mm: tuple[float, float]
     formats: Mapping[str, PictureFormat]
+    identities: Callable[[], Mapping[str, str]] = dict
 
     def load(self, targets_mm: FloatArray) -> dict[int, FloatArray]:
         """Return the taps that were kept, by the number of their target; none if they do not fit.
@@ -79,8 +83,11 @@ class TapStore:
 
     def forget(self) -> None:
         """Remove what is kept: the calibration is saved, or the user wants to begin anew."""
-        self.path.unlink(missing_ok=True)
+        try:
+            self.path.unlink(missing_ok=True)
+        except OSError as error:
+            raise CalibrationError(f"{self.path}: cannot be removed: {error.strerror}") from error
 
     def _rig(self) -> str:
         formats = {camera: str(form) for camera, form in self.formats.items()}
-        return json.dumps([self.surface_mm, formats])
+        return json.dumps([self.surface_mm, formats, dict(self.identities())])

@@ -32,10 +32,14 @@ class Status:
     finger_mm: tuple[float, float] | None = None
 
 
-class Step(Protocol):
-    """One step: fed frame sets, it returns the step that comes next, itself until it is done.
+class Result:
+    """What the last step gave; subclasses say what."""
 
-    Without keys, clock or waiting.  The last one has the status "done".
+
+class Step(Protocol):
+    """One step: fed frame sets, it returns what comes next: itself, another step, or the result.
+
+    Without keys, clock or waiting.
     """
 
     @property
@@ -43,6 +47,6 @@ class Step(Protocol):
         """What to do, and how far it is."""
         ...
 
-    def feed(self, frames: Sequence[Frame]) -> "Step":
-        """Take a frame set of all cameras; return the step that the next one goes to."""
+    def feed(self, frames: Sequence[Frame]) -> "Step | Result":
+        """Take a frame set of all cameras; return what the next one goes to, or the result."""
         ...

@@ -13,6 +13,9 @@ HOLD_S = 0.3
 LONGEST_GAP_S = 0.15
 """Frame sets farther apart than this do not tell what happened in between."""
 
+LIFTED_S = 0.08
+"""A finger is lifted when it has not been seen for so long; one picture without it may be noise."""
+
 FEWEST_CAMERAS = 3
 """A tap that fewer see would not check itself."""
 
@@ -28,7 +31,9 @@ class TapState(Enum):
     TOO_SHORT = auto()
     """It was lifted too soon."""
     HIDDEN = auto()
-    """Too few cameras see it, or more than one finger touches."""
+    """Too few cameras see it."""
+    SEVERAL = auto()
+    """More than one finger touches."""
     MOVING = auto()
     HOLDING = auto()
     TAPPED = auto()
@@ -36,11 +41,16 @@ class TapState(Enum):
 
 
 class TapDetector:
-    """Watches one finger.  `cameras` is how many look."""
+    """Watches one finger.  `cameras` is how many look, `needed` how many have to see a tap.
 
-    def __init__(self, cameras: int) -> None:
-        self._needed = min(FEWEST_CAMERAS, cameras)
+    `hidden` counts the touches that too few of them saw, since the last tap.
+    """
+
+    def __init__(self, cameras: int, needed: int = FEWEST_CAMERAS) -> None:
+        self._needed = min(needed, cameras)
+        self.hidden = 0
         self._samples: deque[tuple[float, FloatArray]] = deque()
+        self._seen_at_s = -np.inf
         self.state = TapState.AWAY
 
     @property
@@ -59,8 +69,10 @@ class TapDetector:
         tap is the median of its edges, (cameras, 2), NaN in cameras that did not see it steadily.
         """
         seen = int(np.count_nonzero(np.isfinite(columns_px).all(axis=1)))
+        if seen > 0:
+            self._seen_at_s = captured_at_s
         if seen < self._needed:
-            self._note_unseen(seen)
+            self._note_unseen(seen, captured_at_s)
             return None
         if self.state is TapState.TAPPED:
             return None
@@ -74,17 +86,27 @@ class TapDetector:
         if held_s < HOLD_S:
             return None
         self.state = TapState.TAPPED
+        self.hidden = 0
         return self._median()
 
-    def _note_unseen(self, seen: int) -> None:
-        if seen > 0:
+    def disturb(self, captured_at_s: float) -> None:
+        """Note that more than one finger touches: what was seen before does not count."""
+        self._seen_at_s = captured_at_s
+        self._samples.clear()
+        if self.state is not TapState.TAPPED:
+            self.state = TapState.SEVERAL
+
+    def _note_unseen(self, seen: int, captured_at_s: float) -> None:
+        if captured_at_s - self._seen_at_s >= LIFTED_S:
+            self.hidden += self.state is TapState.HIDDEN
+            held = self.state in (TapState.HOLDING, TapState.MOVING)
+            if self.state is not TapState.TOO_SHORT:
+                self.state = TapState.TOO_SHORT if held else TapState.AWAY
+            self._samples.clear()
+        elif seen > 0:
+            self._samples.clear()
             if self.state is not TapState.TAPPED:
                 self.state = TapState.HIDDEN
-        elif self.state in (TapState.HOLDING, TapState.MOVING):
-            self.state = TapState.TOO_SHORT
-        elif self.state in (TapState.TAPPED, TapState.HIDDEN):
-            self.state = TapState.AWAY
-        self._samples.clear()
 
     def _steady(self) -> tuple[FloatArray, BoolArray]:
         """Return the edges in the window (samples, cameras, 2), and which cameras count."""

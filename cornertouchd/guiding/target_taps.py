@@ -6,14 +6,18 @@ import numpy as np
 
 from cornertouchd.guiding.finger_watch import FingerWatch, TapWatch, place_mm
 from cornertouchd.guiding.status import Status, StepName
-from cornertouchd.guiding.tapping import TapState
+from cornertouchd.guiding.tapping import FEWEST_CAMERAS, TapState
 from cornertouchd.model import FloatArray, Frame
+
+HIDDEN_TIMES = 3
+"""A person tries again twice; then it is the place that cannot be seen."""
 
 
 class TargetTaps:
     """Waits for a tap at each target; `far_off_mm` is how far from it a tap is refused.
 
-    `names` are those of the targets, if they have some.
+    `needed` cameras have to see a tap; a target that too few see three times is left out.  `names`
+    are those of the targets, if they have some.
     """
 
     def __init__(
@@ -22,19 +26,22 @@ class TargetTaps:
         targets_mm: FloatArray,
         far_off_mm: float,
         names: Sequence[str] = (),
+        needed: int = FEWEST_CAMERAS,
     ) -> None:
         self.targets_mm = targets_mm
         self._names = names
         self.taps: dict[int, FloatArray] = {}
         self._watch = watch
-        self._tap_watch = TapWatch(watch)
+        self._tap_watch = TapWatch(watch, needed)
+        self._left_out: set[int] = set()
         self._far_off_mm = far_off_mm
         self._said = ""
 
     @property
     def target(self) -> int | None:
-        """Number of the target to tap; None when all are."""
-        missing = (number for number in range(len(self.targets_mm)) if number not in self.taps)
+        """Number of the target to tap; None when all are, or are left out."""
+        done = self.taps.keys() | self._left_out
+        missing = (number for number in range(len(self.targets_mm)) if number not in done)
         return next(missing, None)
 
     def status(self, step: StepName) -> Status:
@@ -63,10 +70,17 @@ class TargetTaps:
             del self.taps[number]
 
     def feed(self, frames: Sequence[Frame]) -> bool:
-        """Take a frame set; tell whether a tap was accepted."""
+        """Take a frame set; tell whether the target is done: tapped, or left out."""
         number = self.target
         tap = self._tap_watch.feed(frames)
-        if tap is None or number is None:
+        if number is None:
+            return False
+        if self._tap_watch.hidden >= HIDDEN_TIMES:
+            self._left_out.add(number)
+            self._tap_watch.forget_hidden()
+            self._said = f"place {number + 1} is hidden from too many cameras and left out: go on"
+            return True
+        if tap is None:
             return False
         place = place_mm(self._watch.models, tap)
         off_mm = np.inf if place is None else float(np.linalg.norm(place - self.targets_mm[number]))

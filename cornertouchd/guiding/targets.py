@@ -22,8 +22,9 @@ INSET_MM = 25.0
 FRAME_INSET_MM = 5.0
 """Where a finger pressed against the frame has its middle."""
 
-CLEAR_OF_DIAGONAL_MM = 30.0
-"""On a diagonal each of two cameras has the other one behind the finger, which hides its edges."""
+CLEAR_MM, CLEAR_SHARE = 30.0, 0.02
+"""Targets keep so far from the diagonals, or this share of the diagonal: there each of two cameras
+has the other one behind the finger, and the farther it is, the fewer columns lie between them."""
 
 NEAR_CORNER_MM = 100.0
 """So near to a camera a finger is seen by it at least, and by the two on the other diagonal."""
@@ -41,9 +42,10 @@ def targets_for(
 
     The lookup table needs them along the frame, the others a grid, whose `count` is a square.
     """
+    count = TAPS[method] if count is None else count
     if method == "lookup-table":
-        return frame_targets(surface_mm, count or TAPS[method])
-    side = isqrt(count or TAPS[method])
+        return frame_targets(surface_mm, count)
+    side = isqrt(count)
     return calibration_targets(surface_mm, side, side)
 
 
@@ -52,27 +54,37 @@ def calibration_targets(
 ) -> FloatArray:
     """Return a grid of places to tap (columns x rows, 2), row by row, in millimetres.
 
-    Those that lie on a diagonal are moved a little beside it.
+    Those that lie on a diagonal are moved a little beside it; all are whole millimetres, as they
+    are told to whoever taps.
     """
     x_mm = np.linspace(inset_mm, surface_mm[0] - inset_mm, columns)
     y_mm = np.linspace(inset_mm, surface_mm[1] - inset_mm, rows)
     grid = np.stack([np.tile(x_mm, rows), np.repeat(y_mm, columns)], axis=1)
-    return np.array([_clear_of_diagonals(place, np.array(surface_mm)) for place in grid])
+    clear = [_clear_of_diagonals(place, np.array(surface_mm)) for place in grid]
+    return np.rint(clear).reshape(-1, 2)
 
 
 def frame_targets(surface_mm: tuple[float, float], count: int) -> FloatArray:
-    """Return places at equal distances along the frame (count, 2), clockwise from the top-left."""
+    """Return places at equal distances along the frame (count, 2), clockwise from the top-left.
+
+    In tenths of a millimetre, as they are told.
+    """
     width, height = (side - 2 * FRAME_INSET_MM for side in surface_mm)
     way = (np.arange(count) + 0.5) / count * 2 * (width + height)
     ends = np.cumsum([0.0, width, height, width, height])
     x = np.interp(way, ends, [0.0, width, width, 0.0, 0.0])
     y = np.interp(way, ends, [0.0, 0.0, height, height, 0.0])
-    return np.stack([x, y], axis=1) + FRAME_INSET_MM
+    return np.round(np.stack([x, y], axis=1) + FRAME_INSET_MM, 1)
 
 
 def validation_targets(surface_mm: tuple[float, float]) -> FloatArray:
     """Return the places (5, 2) to check a calibration at; named by `VALIDATION_NAMES`."""
-    return np.array(VALIDATION_SHARES) * surface_mm
+    return np.rint(np.array(VALIDATION_SHARES) * surface_mm)
+
+
+def clear_of_diagonals_mm(surface_mm: FloatArray | tuple[float, float]) -> float:
+    """Return how far from the diagonals targets are."""
+    return max(CLEAR_MM, CLEAR_SHARE * float(np.linalg.norm(surface_mm)))
 
 
 def _clear_of_diagonals(place_mm: FloatArray, surface_mm: FloatArray) -> FloatArray:
@@ -80,10 +92,11 @@ def _clear_of_diagonals(place_mm: FloatArray, surface_mm: FloatArray) -> FloatAr
 
     One in the centre, on both, is moved along the shorter side.
     """
+    clear_mm = clear_of_diagonals_mm(surface_mm)
     centre = surface_mm / 2
     from_centre = place_mm - centre
-    if np.linalg.norm(from_centre) < CLEAR_OF_DIAGONAL_MM:
-        away_mm = CLEAR_OF_DIAGONAL_MM * np.linalg.norm(surface_mm) / surface_mm.max()
+    if np.linalg.norm(from_centre) < clear_mm:
+        away_mm = clear_mm * np.linalg.norm(surface_mm) / surface_mm.max()
         beside: FloatArray = centre + np.where(np.arange(2) == np.argmin(surface_mm), away_mm, 0.0)
         return beside
     to_corner = np.copysign(centre, from_centre)
@@ -91,7 +104,7 @@ def _clear_of_diagonals(place_mm: FloatArray, surface_mm: FloatArray) -> FloatAr
         return place_mm
     clockwise = np.array([-to_corner[1], to_corner[0]]) / np.linalg.norm(to_corner)
     beside_mm = float(from_centre @ clockwise)
-    if abs(beside_mm) >= CLEAR_OF_DIAGONAL_MM:
+    if abs(beside_mm) >= clear_mm:
         return place_mm
-    moved: FloatArray = place_mm + (CLEAR_OF_DIAGONAL_MM - beside_mm) * clockwise
+    moved: FloatArray = place_mm + (clear_mm - beside_mm) * clockwise
     return moved

@@ -67,7 +67,7 @@ class BoardLens:
         theta = np.arctan2(aside, forward)
         t2 = theta * theta
         bent = theta * (1 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4))))
-        scale = np.divide(bent, aside, out=1.0 / np.abs(forward), where=aside > 0.0)
+        scale = np.divide(bent, aside, out=np.ones_like(bent), where=aside > 0.0)
         return right * scale, down * scale
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from cornertouchd.geometry import wrap_angle
 from cornertouchd.model import FloatArray
 
-SMALLEST_POINTS = 5
-"""P has five degrees of freedom; every reference point gives one equation."""
+FREEDOM = 5
+"""Degrees of freedom of P; every reference point gives one equation."""
 
 DEGENERATE = 3e-3
 """Second-smallest singular value (normalised, per point) under which the points do not fix P."""
@@ -73,9 +73,9 @@ def solve_projection(points_mm: FloatArray, columns_px: FloatArray) -> Projectio
     products with u dominate.  Raises `DegeneratePointsError` when the points do not fix it: points
     and camera on one conic, as when all points lie on the two sides next to the camera.
     """
-    if len(points_mm) < SMALLEST_POINTS:
+    if len(points_mm) < FREEDOM:
         raise DegeneratePointsError(
-            f"{len(points_mm)} reference points are seen, {SMALLEST_POINTS} are needed"
+            f"{len(points_mm)} reference points are seen, {FREEDOM} are needed"
         )
     centre, spread = points_mm.mean(axis=0), points_mm.std()
     middle, extent = columns_px.mean(), columns_px.std()

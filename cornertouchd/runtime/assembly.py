@@ -101,9 +101,12 @@ def calibration_file(settings: Settings, environ: Mapping[str, str]) -> Path:
     return Path(given) if given else state_directory(environ) / "calibration.json"
 
 
-def display_file(environ: Mapping[str, str]) -> Path:
-    """Return where it is kept in which part of the surface the display lies."""
-    return state_directory(environ) / "display.json"
+def display_file(settings: Settings, environ: Mapping[str, str]) -> Path:
+    """Return where it is kept in which part of the surface the display lies.
+
+    Beside the calibration that this was found with: rigs of their own have displays of their own.
+    """
+    return calibration_file(settings, environ).with_name("display.json")
 
 
 def find_display(settings: Settings, environ: Mapping[str, str]) -> DisplayPlace | None:
@@ -113,7 +116,7 @@ def find_display(settings: Settings, environ: Mapping[str, str]) -> DisplayPlace
     """
     if settings.cameras.source == "simulated":
         return None
-    path = display_file(environ)
+    path = display_file(settings, environ)
     try:
         place = load_display(path)
     except FileNotFoundError:

@@ -7,6 +7,7 @@ growing delay between the attempts.
 import threading
 from dataclasses import dataclass
 
+from cornertouchd.calibration.calibration import CalibrationError, CameraCalibration
 from cornertouchd.config import CamerasSettings
 from cornertouchd.model import Frame, Observation
 from cornertouchd.pipeline import CameraPipeline, PictureError
@@ -26,7 +27,7 @@ class CaptureCounts:
 
 
 class CaptureThread:
-    """Reads one camera.
+    """Reads one camera, as long as it is the one that was calibrated.
 
     Guarantees: no exception of the camera or of a stage ends the thread; pixels never leave it.
     Assumes that `pipeline` is used by nobody else.
@@ -35,11 +36,13 @@ class CaptureThread:
     def __init__(
         self,
         port: CameraPort,
+        calibration: CameraCalibration,
         pipeline: CameraPipeline,
         box: Latest[Observation],
         settings: CamerasSettings,
     ) -> None:
         self._port = port
+        self._calibration = calibration
         self._pipeline = pipeline
         self._box = box
         self._settings = settings
@@ -93,9 +96,22 @@ class CaptureThread:
             return
         self._opened += 1
         try:
-            self._read(camera)
+            if self._is_calibrated():
+                self._read(camera)
         finally:
             self._close(camera)
+
+    def _is_calibrated(self) -> bool:
+        """Tell whether the camera that was just opened fits; it may have been exchanged."""
+        try:
+            self._calibration.require_camera(self._port.format, self._port.identity)
+        except CalibrationError as error:
+            self._faults.fault("refused", error)
+        except Exception as error:  # noqa: BLE001  a driver may raise anything
+            self._faults.fault("not identified", error, traceback_of=error)
+        else:
+            return True
+        return False
 
     def _read(self, camera: Camera) -> None:
         in_a_row = 0

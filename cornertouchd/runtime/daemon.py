@@ -34,7 +34,7 @@ class Daemon:
             camera = calibration.camera(port.id)
             camera.require_camera(port.format, port.identity)
             pipeline = CameraPipeline(camera, settings)
-            self._captures.append(CaptureThread(port, pipeline, box, settings.cameras))
+            self._captures.append(CaptureThread(port, camera, pipeline, box, settings.cameras))
         self._fusion = FusionThread(
             box,
             FrameSetPairing([port.id for port in ports], settings.pairing),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from cornertouchd.calibration.drift import Drift
 from cornertouchd.fusion.pairing import FrameSetPairing
-from cornertouchd.model import FrameSet, Observation, TouchFrame
+from cornertouchd.model import Contact, FrameSet, Observation, Touch, TouchFrame
 from cornertouchd.pipeline import SurfacePipeline
 from cornertouchd.ports import Clock, TouchSink
 from cornertouchd.runtime.faults import FaultLog
@@ -71,6 +71,7 @@ class FusionThread:
         self._stop = threading.Event()
         self._faults = FaultLog("fusion")
         self._pictures = FaultLog("frame sets")
+        self._drift_faults = FaultLog("drift")
         self._thread = threading.Thread(target=self._run, name="fusion", daemon=True)
         self._last_set_s: float | None = None
         self._begun: set[int] = set()
@@ -98,7 +99,7 @@ class FusionThread:
             self._skipped,
             self._touches_begun,
             self._touches_now,
-            self._faults.count,
+            self._faults.count + self._drift_faults.count,
             self._dropped,
         )
 
@@ -165,7 +166,18 @@ class FusionThread:
         self._touches_begun += len(ids - self._begun)
         self._begun = ids
         self._touches_now = len(ids)
-        self._tell_drift(self._pipeline.find_drift(frame_set, contacts, touches))
+        self._watch_drift(frame_set, contacts, touches)
+
+    def _watch_drift(
+        self, frame_set: FrameSet, contacts: tuple[Contact, ...], touches: tuple[Touch, ...]
+    ) -> None:
+        try:
+            drift = self._pipeline.find_drift(frame_set, contacts, touches)
+        except Exception as error:  # noqa: BLE001  touches go on without it
+            self._drift_faults.fault("not looked for", error, traceback_of=error)
+            return
+        self._drift_faults.good()
+        self._tell_drift(drift)
 
     def _tell_drift(self, drift: Drift | None) -> None:
         if drift is self._drift:

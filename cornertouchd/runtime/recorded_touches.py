@@ -35,6 +35,23 @@ def gather_recorded(
     return replace(given, identities=empty.identities, boards=boards)
 
 
+def require_boards_of(empty: Recording, boards: Recording) -> None:
+    """Raise `CalibrationError` unless the board was recorded by the cameras of `empty`.
+
+    Their pictures may hold other rows, but must be cut from pictures of the same size.
+    """
+    sizes = [
+        {camera: (size.width_px, size.height_px) for camera, size in recording.formats.items()}
+        for recording in (empty, boards)
+    ]
+    if sizes[0] != sizes[1]:
+        raise CalibrationError(
+            f"{boards.directory}: its cameras or the sizes of their images are not those of "
+            f"{empty.directory}; record the board with the same settings but for the rows"
+        )
+    _require_same_cameras(empty, boards)
+
+
 def _known_taps(taps: Recording, points: Sequence[RecordedPoint]) -> Taps:
     places, diameters = _places(taps, points)
     tapped = np.isfinite(places).all(axis=1).tolist()
@@ -51,6 +68,10 @@ def _require_same_rig(empty: Recording, other: Recording) -> None:
             f"{other.directory}: its surface, cameras or picture sizes are not those of "
             f"{empty.directory}; record all parts with the same settings"
         )
+    _require_same_cameras(empty, other)
+
+
+def _require_same_cameras(empty: Recording, other: Recording) -> None:
     for camera, identity in empty.identities.items():
         theirs = other.identities[camera]
         if identity and theirs and identity != theirs:

@@ -84,7 +84,7 @@ def calibrate_rig(rig: SimulatedRig, settings: Settings) -> Calibration:
     given = gather_touches(
         rig.surface_mm,
         rig.formats,
-        (rig.frame_set(next(pictures), 0.0, ()) for _ in range(EMPTY_SETS)),
+        [rig.frame_set(next(pictures), 0.0, ()) for _ in range(EMPTY_SETS)],
         Taps(
             (_touched(rig, next(pictures), place) for place in places),
             np.array(places),

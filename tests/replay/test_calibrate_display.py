@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from cornertouchd.calibration.display import load_display
+from cornertouchd.calibration.display import CORNERS, load_display
 from cornertouchd.cli import main
 from cornertouchd.cli.guided_rig import PICTURE_INSET_MM
 from cornertouchd.config import (
@@ -48,7 +48,7 @@ def client() -> Iterator[socket.socket]:
 def test_four_taps_make_clients_hear_of_the_pictures_own_places(
     environment: dict[str, str], client: socket.socket
 ) -> None:
-    file = display_file(environment)
+    file = display_file(Settings(), environment)
     done = subprocess.run(
         [*COMMAND, "display", "--simulate", "--output", file],
         env=environment,
@@ -57,7 +57,7 @@ def test_four_taps_make_clients_hear_of_the_pictures_own_places(
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    for number, corner in enumerate(("top left", "top right", "bottom right", "bottom left"), 1):
+    for number, corner in enumerate(CORNERS, 1):
         assert f"Display - {number} of 4, {corner} of the picture - tap" in done.stderr
     assert f"saved {file}" in done.stderr
     place = load_display(file)
@@ -134,7 +134,7 @@ def test_what_was_found_can_be_forgotten(
     environment: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", environment["STATE_DIRECTORY"])
-    file = display_file(environment)
+    file = display_file(Settings(), environment)
     file.parent.mkdir()
     file.write_text("{}")
     result = CliRunner().invoke(main, ["calibrate", "display", "--forget"])

@@ -45,6 +45,8 @@ MODELS: tuple[Model, ...] = (
     ),
 )
 TABLE = 2
+FULL_TABLE = LookupTable((350.0, 400.0), ((0.0, 10.0), (0.0, 5.0), (5.0, 0.0)), (3.5, 15.0, 30.25))
+LENS = {"focal_px": [20.0, 21.0], "centre_px": [16.0, 12.0]}
 
 
 def camera(name: str, model: Model) -> CameraCalibration:
@@ -117,6 +119,34 @@ class TestWhatIsSavedIsLoaded:
             assert ours.empty == pytest.approx(theirs.empty, abs=1 / 500)
             if not isinstance(ours.model, LookupTable):
                 assert ours.model == theirs.model
+
+    def test_models_that_locate_as_before(self, tmp_path: Path) -> None:
+        bends = (0.01, 0.0, 1e-3, 1e-3, 0.0, 0.02, 0.0, 0.0)
+        lens = BoardLens("pinhole", (20.0, 21.0), (16.0, 12.0), bends)
+        pinhole = Reconstruction((350.0, 0.0), AXES, lens, 32)
+        models = (*MODELS[:TABLE], FULL_TABLE, *MODELS[TABLE + 1 :], pinhole)
+        cameras = tuple(camera(f"C{n}", model) for n, model in enumerate(models, start=1))
+        path = tmp_path / "all.json"
+        save_calibration(dataclasses.replace(calibration(), cameras=cameras), path)
+        columns = np.linspace(6.0, 26.0, 7)
+        for ours, theirs in zip(load_calibration(path).cameras, models, strict=True):
+            angles, slopes = ours.model.angles_rad(columns), ours.model.slopes_rad_px(columns)
+            assert np.isfinite(angles).all()
+            assert np.isfinite(slopes).all()
+            assert np.array_equal(angles, theirs.angles_rad(columns))
+            assert np.array_equal(slopes, theirs.slopes_rad_px(columns))
+
+    def test_residuals_that_nothing_tells(self, tmp_path: Path) -> None:
+        unknown = dataclasses.replace(calibration().cameras[0], residual_mm=np.nan)
+        cameras = (unknown, *calibration().cameras[1:])
+        path = tmp_path / "unknown.json"
+        save_calibration(
+            dataclasses.replace(calibration(), residual_mm=np.nan, cameras=cameras), path
+        )
+        loaded = load_calibration(path)
+        assert np.isnan(loaded.residual_mm)
+        assert np.isnan(loaded.cameras[0].residual_mm)
+        assert json.loads(path.read_text())["residual_mm"] is None
 
     def test_a_table_with_its_gaps(self, saved: Path) -> None:
         model, given = load_calibration(saved).cameras[TABLE].model, MODELS[TABLE]
@@ -200,9 +230,9 @@ class TestSaving:
         assert [path.name for path in saved.parent.iterdir()] == ["calibration.json"]
 
     def test_refuses_what_could_not_be_loaded(self, saved: Path) -> None:
-        broken = dataclasses.replace(calibration(), residual_mm=np.nan)
+        broken = dataclasses.replace(calibration(), residual_mm=np.inf)
         before = saved.read_bytes()
-        with pytest.raises(CalibrationError, match="residual_mm = nan"):
+        with pytest.raises(CalibrationError, match="residual_mm = inf"):
             save_calibration(broken, saved)
         assert saved.read_bytes() == before
 
@@ -295,6 +325,11 @@ class TestRefused:
                 [0.1],
                 "a fisheye lens has 4",
             ),
+            (
+                "cameras.3.model.lens",
+                {**LENS, "kind": "pinhole", "distortion": [0.1, 0.0, 0.0, 0.0, 0.0]},
+                "5 distortion terms; a pinhole lens has 8",
+            ),
         ],
     )
     def test_what_the_schema_does_not_allow_names_place_and_value(
@@ -375,7 +410,7 @@ class TestTheSchema:
             ("surface_mm", [350.0]),
             ("surface_mm", [1.0, 400.0]),
             ("reference_points", "16"),
-            ("residual_mm", None),
+            ("residual_mm", "none"),
             ("extra", 1),
             ("cameras.0.extra", 1),
             ("cameras.0.identity", None),

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from cornertouchd.calibration.calibration import LONGEST_IDENTITY
 from cornertouchd.devices.camera_identity import camera_identity
 from cornertouchd.devices.opencv_camera import OpenCvCameraPort
 from cornertouchd.model import PictureFormat
@@ -85,7 +86,7 @@ def test_a_serial_number_is_plain_short_text(machine: Machine) -> None:
     machine.plug_in("1-1", [0], "A\x07\x1b[31m" + "9" * 500)
     identity = machine.identity("/dev/video0")
     assert identity.startswith("usb 05a3:9230 serial A??[31m999")
-    assert len(identity) <= 200
+    assert len(identity) == LONGEST_IDENTITY
 
 
 def test_what_is_not_on_usb_or_not_there_is_unknown(machine: Machine, tmp_path: Path) -> None:
@@ -100,6 +101,7 @@ def test_what_is_not_on_usb_or_not_there_is_unknown(machine: Machine, tmp_path: 
 
 def test_a_video_file_is_known_by_its_name(machine: Machine) -> None:
     assert machine.identity("somewhere/c2.mkv") == "file c2.mkv"
+    assert len(machine.identity("somewhere/" + "c" * 251 + ".mkv")) == LONGEST_IDENTITY
 
 
 def test_the_port_tells_the_camera_that_is_plugged_in_now(machine: Machine) -> None:

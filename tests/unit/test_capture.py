@@ -11,7 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from cornertouchd.calibration.calibration import CameraCalibration
 from cornertouchd.config import CamerasSettings
+from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.model import Frame, Observation, PictureFormat
 from cornertouchd.ports import CameraError
 from cornertouchd.runtime.capture import CaptureThread
@@ -21,18 +23,27 @@ Step = str
 FAST = CamerasSettings(
     read_timeout_s=0.05, failures_before_reopen=3, reopen_delay_s=0.1, reopen_delay_max_s=0.1
 )
+CALIBRATED = CameraCalibration(
+    "C1",
+    "usb 1:2 serial A",
+    PictureFormat(4, 3, 0, 3),
+    np.zeros((3, 4)),
+    AnglePolynomial((0.0, 0.0), (0.8, 0.8), 4),
+    0.1,
+)
 
 
 class FakePort:
     """A camera that does what the script says: good, none, garbage, gone, absent, bug."""
 
     id = "C1"
-    identity = ""
     format = PictureFormat(4, 3, 0, 3)
 
     def __init__(self, script: list[Step]) -> None:
         self._script = iter(script)
+        self.exchanged_at: set[int] = set()
         self.opened = self.closed = 0
+        self.identity = "usb 1:2 serial A"
         self.done = threading.Event()
         self.released = threading.Event()
 
@@ -47,6 +58,10 @@ class FakePort:
 
     def open(self) -> "FakeCamera":
         self.opened += 1
+        if self.opened in self.exchanged_at:
+            self.identity = "usb 1:2 serial B"
+        else:
+            self.identity = "usb 1:2 serial A"
         return FakeCamera(self)
 
 
@@ -85,9 +100,12 @@ class StubPipeline:
 def run() -> Iterator[object]:
     started: list[tuple[CaptureThread, FakePort]] = []
 
-    def start(script: list[Step]) -> tuple[CaptureThread, FakePort, Latest[Observation]]:
+    def start(
+        script: list[Step], exchanged_at: tuple[int, ...] = ()
+    ) -> tuple[CaptureThread, FakePort, Latest[Observation]]:
         port, box = FakePort(script), Latest[Observation]()
-        thread = CaptureThread(port, StubPipeline(), box, FAST)
+        port.exchanged_at.update(exchanged_at)
+        thread = CaptureThread(port, CALIBRATED, StubPipeline(), box, FAST)
         thread.start()
         started.append((thread, port))
         assert port.done.wait(30)
@@ -127,6 +145,19 @@ def test_a_camera_that_vanishes_is_opened_again(run, caplog: pytest.LogCaptureFi
     assert port.closed == 1
     assert "camera C1: lost: gone" in caplog.text
     assert "works again after 1 fault" in caplog.text
+
+
+def test_a_camera_that_was_exchanged_is_refused_until_the_calibrated_one_is_back(
+    run, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.ERROR):
+        thread, port, _ = run(["good", "gone", "good"], exchanged_at=(2, 3))
+    assert thread.counts().frames == 2  # none of the other camera
+    assert (port.opened, port.closed) == (4, 3)
+    assert "is another camera (usb 1:2 serial B) than was calibrated (usb 1:2 serial A)" in (
+        caplog.text
+    )
+    assert caplog.text.count("refused") == 1
 
 
 def test_a_few_bad_pictures_do_not_close_the_camera(run) -> None:

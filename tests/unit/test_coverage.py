@@ -19,9 +19,9 @@ def test_a_finger_moved_row_by_row_suffices(surface_mm: tuple[float, float]) -> 
     kept = 0
     for step in range(5000):
         kept += coverage.wants(place(*place_on_rows(surface_mm, 15.0 * step)))
-        if coverage.is_enough():
+        if coverage.is_enough:
             break
-    assert coverage.is_enough()
+    assert coverage.is_enough
     assert coverage.visited.mean() >= 0.9
     assert 60 < kept < 500
 

@@ -6,7 +6,13 @@ import pytest
 
 from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.display import DisplayPlace, save_display
-from cornertouchd.config import CamerasSettings, DestinationSettings, Settings, SurfaceSettings
+from cornertouchd.config import (
+    CalibrationSettings,
+    CamerasSettings,
+    DestinationSettings,
+    Settings,
+    SurfaceSettings,
+)
 from cornertouchd.runtime.assembly import display_file, display_mapping, find_display
 from cornertouchd.wire.mapping import DisplayMapping
 
@@ -51,22 +57,33 @@ def test_settings_win(settings: DestinationSettings, mapping: DisplayMapping) ->
 
 def test_it_is_found_where_it_is_kept(environ: dict[str, str]) -> None:
     assert find_display(SETTINGS, environ) is None
-    save_display(PLACE, display_file(environ))
+    save_display(PLACE, display_file(SETTINGS, environ))
     assert find_display(SETTINGS, environ) == PLACE
 
 
+def test_it_is_kept_beside_the_calibration_that_it_belongs_to(
+    environ: dict[str, str], tmp_path: Path
+) -> None:
+    theirs = CalibrationSettings(file=str(tmp_path / "wall" / "cameras.json"))
+    wall = SETTINGS.model_copy(update={"calibration": theirs})
+    assert display_file(SETTINGS, environ) == tmp_path / "display.json"
+    assert display_file(wall, environ) == tmp_path / "wall" / "display.json"
+    save_display(PLACE, display_file(SETTINGS, environ))
+    assert find_display(wall, environ) is None
+
+
 def test_a_simulated_rig_has_no_display(environ: dict[str, str]) -> None:
-    save_display(PLACE, display_file(environ))
+    save_display(PLACE, display_file(SETTINGS, environ))
     assert find_display(Settings(cameras=CamerasSettings(source="simulated")), environ) is None
 
 
 def test_a_damaged_one_is_refused_with_the_remedy(environ: dict[str, str]) -> None:
-    display_file(environ).write_text("{")
+    display_file(SETTINGS, environ).write_text("{")
     with pytest.raises(CalibrationError, match=r"display.json: .*`cornertouchd calibrate display`"):
         find_display(SETTINGS, environ)
 
 
 def test_one_of_another_surface_is_refused_with_the_remedy(environ: dict[str, str]) -> None:
-    save_display(PLACE, display_file(environ))
+    save_display(PLACE, display_file(SETTINGS, environ))
     with pytest.raises(CalibrationError, match=r"display.json: .*350x400 mm; run `cornertouchd"):
         find_display(SETTINGS.model_copy(update={"surface": SurfaceSettings()}), environ)

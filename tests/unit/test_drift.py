@@ -7,7 +7,7 @@ from math import atan2, hypot
 import numpy as np
 import pytest
 
-from cornertouchd.calibration.calibration import Calibration, CameraCalibration
+from cornertouchd.calibration.calibration import Calibration, CameraCalibration, Method
 from cornertouchd.calibration.drift import Drift, DriftWatch
 from cornertouchd.calibration.error_map import ErrorMap
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
@@ -19,6 +19,7 @@ HALF_FIELD_RAD = np.deg2rad(48.0)
 CORNERS_MM = {"C1": (0, 0), "C2": (350, 0), "C3": (350, 400), "C4": (0, 400)}
 BISECTORS_RAD = {"C1": np.pi / 4, "C2": 3 * np.pi / 4, "C3": 5 * np.pi / 4, "C4": 7 * np.pi / 4}
 NOISE_PX = 0.1
+CAMERAS_OF_SLEEVES = ("C1", "C2", "C3", "C4")
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,13 @@ class Moved:
 class Bench:
     """A watch on an ideal rig, and the touches that it is shown."""
 
-    def __init__(self, cameras: tuple[str, ...] = ("C1", "C2", "C3", "C4")) -> None:
+    def __init__(
+        self,
+        cameras: tuple[str, ...] = ("C1", "C2", "C3", "C4"),
+        expected_mm: float = 0.3,
+        residual_mm: float = 0.1,
+        method: Method = "auto",
+    ) -> None:
         size = PictureFormat(WIDTH_PX, 480, 200, 64)
         calibrated = tuple(
             CameraCalibration(
@@ -48,9 +55,9 @@ class Bench:
             )
             for camera in cameras
         )
-        expected = ErrorMap(np.array([175.0]), np.array([200.0]), np.array([[0.3]]))
+        expected = ErrorMap(np.array([175.0]), np.array([200.0]), np.array([[expected_mm]]))
         self.watch = DriftWatch(
-            Calibration("auto", "", "", SURFACE_MM, 16, 0, 0, 0.1, expected, calibrated)
+            Calibration(method, "", "", SURFACE_MM, 16, 0, 0, residual_mm, expected, calibrated)
         )
         self.cameras = cameras
         self.moved: dict[str, Moved] = {}
@@ -240,3 +247,38 @@ def test_several_touches_at_a_time_decide_nothing() -> None:
     for _ in range(100):
         bench.watch.follow(FrameSet(1.0, seen), contacts, touches)
     assert bench.watch.drift is None
+
+
+def test_a_fifth_of_the_touches_may_be_quite_wrong() -> None:
+    """A sleeve before one camera moves the middle of the shadow there."""
+    bench = Bench()
+    for number, place in enumerate(bench.places(300)):
+        sleeve = number % 7 == 0
+        bench.moved = {CAMERAS_OF_SLEEVES[number % 4]: Moved(4.0, 4.0)} if sleeve else {}
+        bench.touch(*place)
+        assert bench.watch.drift is None
+
+
+def test_a_sleeve_now_and_then_does_not_hide_the_camera_that_moved() -> None:
+    bench = Bench()
+    for number, place in enumerate(bench.places(200)):
+        bench.moved = {"C3": Moved(0.8, -0.8)}
+        if number % 7 == 0:
+            bench.moved[CAMERAS_OF_SLEEVES[number % 4]] = Moved(4.0, 4.0)
+        bench.touch(*place)
+    assert bench.watch.drift is not None
+    assert bench.watch.drift.camera == "C3"
+
+
+@pytest.mark.parametrize(("expected_mm", "told"), [(0.3, True), (1.5, False), (np.nan, True)])
+def test_what_the_calibration_leads_to_expect_is_no_drift(expected_mm: float, told: bool) -> None:
+    bench = Bench(expected_mm=expected_mm)
+    bench.moved["C3"] = Moved(0.8, -0.8)
+    assert (bench.tap_all_over(200) is not None) == told
+
+
+@pytest.mark.parametrize(("residual_mm", "told"), [(0.9, True), (1.1, False), (np.nan, False)])
+def test_a_calibration_that_does_not_fit_itself_cannot_tell(residual_mm: float, told: bool) -> None:
+    bench = Bench(residual_mm=residual_mm, method="vanishing-point")
+    bench.moved["C3"] = Moved(2.0, -2.0)
+    assert (bench.tap_all_over(200) is not None) == told

@@ -54,7 +54,7 @@ class StubSurface:
     """One touch in every frame set; raises while `broken`."""
 
     def __init__(self) -> None:
-        self.broken = False
+        self.broken = self.drift_broken = False
         self.resets = 0
         self.drift: Drift | None = None
 
@@ -67,6 +67,8 @@ class StubSurface:
         return (Touch(1, 10.0, 20.0, 0.0, 0.0, 0.0),)
 
     def find_drift(self, *_: object) -> Drift | None:
+        if self.drift_broken:
+            raise ZeroDivisionError("a bug in the watch")
         return self.drift
 
     def reset(self) -> None:
@@ -184,6 +186,19 @@ def test_a_drift_is_told_once_and_so_is_its_end(
         "camera C3 has moved about 0.8 mm; recalibrate",
         "touches fit the calibration again",
     ]
+
+
+def test_a_watch_for_drift_that_raises_costs_no_touch(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.sink.wait_until(lambda sink: sink.lifts == 1)
+    bench.surface.drift_broken = True
+    with caplog.at_level(logging.WARNING):
+        bench.see(1.0)
+        bench.wait_for_counts(lambda counts: counts.faults == 1)
+    assert [touch.id for touch in bench.sink.frames[-1].touches] == [1]
+    assert bench.surface.resets == 0
+    assert "drift: not looked for: a bug in the watch" in caplog.text
 
 
 def test_the_end_closes_the_sinks(bench: Bench) -> None:

@@ -9,6 +9,7 @@ from cornertouchd.geometry import (
     half_angles_of_discs,
     line_crossings,
     nearest_point_to_lines,
+    nearest_points_to_lines,
     normals,
     unit_vectors,
     wrap_angle,
@@ -50,6 +51,24 @@ def test_lines_through_one_point_have_it_as_their_nearest_point(
     line_angles = np.array([*directions, directions[0] + 1.0])
     origins = point - 400.0 * unit_vectors(line_angles)
     np.testing.assert_allclose(nearest_point_to_lines(origins, line_angles), point, atol=1e-6)
+
+
+@given(st.lists(st.lists(angles | st.just(np.nan), min_size=4, max_size=4), max_size=6))
+def test_many_points_are_those_found_one_by_one(sets: list[list[float]]) -> None:
+    origins = np.array([[0.0, 0.0], [350.0, 3.0], [352.0, 400.0], [-4.0, 404.0]])
+    line_angles = np.array(sets).reshape(-1, 4).T
+    located = nearest_points_to_lines(origins, line_angles)
+    assert located.shape == (len(sets), 2)
+    for point, own in zip(located, line_angles.T, strict=True):
+        seen = np.isfinite(own)
+        doubled = unit_vectors(2 * own[seen])  # a line and its opposite are the same
+        crossing = np.ptp(doubled, axis=0).max() if seen.any() else 0.0
+        if crossing > 1e-3:
+            np.testing.assert_allclose(
+                point, nearest_point_to_lines(origins[seen], own[seen]), rtol=1e-4, atol=1e-4
+            )
+        elif crossing == 0:
+            assert np.isnan(point).all()
 
 
 def test_a_heavier_line_pulls_the_nearest_point() -> None:

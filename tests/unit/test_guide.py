@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cornertouchd.config import VisionSettings
+from cornertouchd.calibration.calibration import CalibrationError, Method
+from cornertouchd.calibration.methods import Stamp, make_calibration
+from cornertouchd.config import Settings, VisionSettings
 from cornertouchd.guiding.finger_watch import FingerWatch
-from cornertouchd.guiding.guide import CheckCameras, Done, Rig, TapTargets
+from cornertouchd.guiding.guide import CheckCameras, Done, Plan, TapTargets
 from cornertouchd.guiding.progress import TapStore
-from cornertouchd.guiding.status import Step
+from cornertouchd.guiding.status import Result, Step
 from cornertouchd.guiding.targets import calibration_targets
 from cornertouchd.guiding.validation import Validated, Validation
 from cornertouchd.model import Frame
@@ -35,13 +37,15 @@ def store(simulated: SimulatedRig, tmp_path: Path) -> TapStore:
 class Session:
     """A step that is fed what the simulated rig shows, and the time that passes."""
 
-    def __init__(self, simulated: SimulatedRig, store: TapStore, side: int = 4) -> None:
-        targets = calibration_targets(SURFACE_MM, side, side)
-        rig = Rig(
-            "auto", SURFACE_MM, simulated.formats, {}, targets, 0.5, VisionSettings(), store
+    def __init__(
+        self, simulated: SimulatedRig, store: TapStore, side: int = 4, method: Method = "auto"
+    ) -> None:
+        self.targets = calibration_targets(SURFACE_MM, side, side)
+        plan = Plan(
+            method, SURFACE_MM, simulated.formats, self.targets, 0.5, VisionSettings(), store
         )  # fmt: skip
-        self.step: Step = CheckCameras(rig)
-        self.targets = targets
+        self.step: Step = CheckCameras(plan)
+        self.result: Result | None = None
         self._simulated = simulated
         self._pictures = 0
         self.hints: list[str] = []
@@ -57,7 +61,11 @@ class Session:
 
     def feed(self, frames: Sequence[Frame]) -> None:
         self._pictures += 1
-        self.step = self.step.feed(frames)
+        following = self.step.feed(frames)
+        if isinstance(following, Result):
+            self.result = following
+            return
+        self.step = following
         hint = self.step.status.hint
         if not self.hints or self.hints[-1] != hint:
             self.hints.append(hint)
@@ -67,6 +75,14 @@ class Session:
             assert self.now_s < patience_s, self.hints[-5:]
             act()
 
+    def to_the_end(self, act: Callable[[], None], patience_s: float = 60.0) -> Done:
+        until_s = self.now_s + patience_s
+        while self.result is None:
+            assert self.now_s < until_s, self.hints[-5:]
+            act()
+        assert isinstance(self.result, Done)
+        return self.result
+
     def to_the_taps(self) -> None:
         self.until("taps", self.see)
 
@@ -75,15 +91,15 @@ class Session:
         assert self.step.status.target_mm is not None
         x_mm, y_mm = np.add(self.step.status.target_mm, off_mm).tolist()
         self.see(Finger(x_mm, y_mm), for_s=for_s)
-        self.see(for_s=0.1)
+        self.see(for_s=0.14)
 
     def scribble(self) -> None:
         self.see(Finger(*place_on_rows(SURFACE_MM, 800.0 * self.now_s)))
 
     def errors_mm(self) -> np.ndarray:
         """How far off fresh fingers are located."""
-        assert isinstance(self.step, Done)
-        watch = FingerWatch(self.step.empty.finders, self.step.fitted.models)
+        assert isinstance(self.result, Done)
+        watch = FingerWatch(self.result.empty.finders, self.result.fitted.models)
         errors = []
         for x_mm, y_mm in np.random.default_rng(7).uniform([20, 20], [330, 380], (60, 2)):
             self._pictures += 1
@@ -108,20 +124,20 @@ def test_a_careful_person_calibrates_in_a_minute(simulated: SimulatedRig, store:
             person.rest()
         session.see(*(timed.finger for timed in hand.fingers_at(session.now_s)))
 
-    session.until("done", act)
+    done = session.to_the_end(act)
     assert session.now_s < 30.0
     errors = session.errors_mm()
     assert np.sqrt(np.mean(errors**2)) < 0.35
     assert np.percentile(errors, 95) < 0.7
 
-    assert isinstance(session.step, Done)
-    watch = FingerWatch(session.step.empty.finders, session.step.fitted.models)
-    session.step = Validation(watch, SURFACE_MM)
-    while session.step.status.step != "done":
+    watch = FingerWatch(done.empty.finders, done.fitted.models)
+    calibration = make_calibration("auto", done.given, done.fitted, Stamp("", ""))
+    session.step, session.result = Validation(watch, calibration, Settings()), None
+    while session.result is None:
         session.tap()
-    assert isinstance(session.step, Validated)
-    assert len(session.step.places) == 5
-    assert session.step.worst_mm < 1.0
+    assert isinstance(session.result, Validated)
+    assert len(session.result.places) == 5
+    assert session.result.worst_mm < 1.0
 
 
 def test_one_who_misses_taps_too_fast_and_pauses_is_told(
@@ -167,7 +183,7 @@ def test_taps_outlive_an_interruption(simulated: SimulatedRig, store: TapStore) 
     assert "5 taps are kept from before" in again.step.status.hint
     for _ in range(11):
         again.tap()
-    again.until("done", again.scribble)
+    again.to_the_end(again.scribble)
     assert np.percentile(again.errors_mm(), 95) < 0.5
 
 
@@ -213,5 +229,62 @@ def test_four_taps_and_a_scribble_will_do(simulated: SimulatedRig, store: TapSto
     session.to_the_taps()
     for _ in range(4):
         session.tap()
-    session.until("done", session.scribble)
+    session.to_the_end(session.scribble)
     assert np.sqrt(np.mean(session.errors_mm() ** 2)) < 0.8
+
+
+def test_an_error_that_tapping_cannot_mend_leaves_the_taps(
+    simulated: SimulatedRig, store: TapStore
+) -> None:
+    session = Session(simulated, store, side=2, method="vanishing-point")
+    session.to_the_taps()
+    for _ in range(3):
+        session.tap()
+    with pytest.raises(CalibrationError, match="5 are needed"):
+        session.tap()
+    assert len(store.load(session.targets)) == 4
+
+
+def test_taps_that_a_scribble_contradicts_are_asked_for_again(
+    simulated: SimulatedRig, store: TapStore
+) -> None:
+    session = Session(simulated, store, side=3)
+    session.to_the_taps()
+    rng = np.random.default_rng(4)
+    while session.step.status.step != "scribble":
+        session.tap(off_mm=tuple(rng.uniform(-25.0, 25.0, 2)))
+    session.until("taps", session.scribble)
+    assert session.step.status.hint.startswith("all taps are needed again")
+    assert store.load(session.targets) == {}
+
+
+def test_a_scribble_that_two_cameras_see_does_not_count(
+    simulated: SimulatedRig, store: TapStore
+) -> None:
+    session = Session(simulated, store)
+    session.to_the_taps()
+    for _ in range(16):
+        session.tap()
+    before = session.step.status.progress  # the last tap may be held a moment longer
+    empty = simulated.frame_set(10_000, 0.0, ())
+    for step in range(200):
+        finger = Finger(*place_on_rows(SURFACE_MM, 16.0 * step))
+        seen = simulated.frame_set(20_000 + step, session.now_s, [finger])
+        session.feed((*seen[:2], *empty[2:]))
+        if step == 100:
+            assert session.step.status.finger_mm is not None
+    assert session.step.status.progress == before
+
+
+def test_one_picture_without_the_finger_is_no_lift(
+    simulated: SimulatedRig, store: TapStore
+) -> None:
+    session = Session(simulated, store)
+    session.to_the_taps()
+    x_mm, y_mm = session.targets[0].tolist()
+    session.see(Finger(x_mm, y_mm), for_s=0.4)
+    assert session.step.status.number == 2
+    session.see(for_s=PERIOD_S)
+    session.see(Finger(x_mm, y_mm), for_s=0.6)
+    assert session.step.status.number == 2
+    assert session.step.status.hint == "lift the finger"

@@ -118,7 +118,7 @@ def test_rows_cover_the_surface(surface_mm: tuple[float, float]) -> None:
     (touch,) = watched.touches.values()
     for _, x_mm, y_mm in touch:
         coverage.wants(np.array([x_mm, y_mm]))
-    assert coverage.is_enough()
+    assert coverage.is_enough
 
 
 @given(

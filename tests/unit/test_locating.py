@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.locating.camera_model import lay_shadows
+from cornertouchd.locating.columns import columns_of_places
 from cornertouchd.locating.vanishing_point import DegeneratePointsError, solve_projection
 from cornertouchd.model import FloatArray, Shadow
 
@@ -92,3 +93,15 @@ def test_a_camera_that_hangs_upside_down_sees_the_same() -> None:
 def test_no_shadows_make_empty_bearings() -> None:
     directing_lines = lay_shadows("C1", (), AnglePolynomial((0, 0), (0.8, 0.9), 640), 0.1)
     assert len(directing_lines.first_rad) == len(directing_lines.sigma_rad) == 0
+
+
+def test_a_place_is_found_in_the_part_of_a_polynomial_that_does_not_fold() -> None:
+    """This one turns back 267 columns from the middle, beyond those that it was fitted to."""
+    folds = AnglePolynomial((0.0, 0.0), (0.8, 0.8, 0.0, -0.8 / 3 / (267 / 320) ** 2), 640)
+    columns = np.array([80.0, 200.0, 320.0, 450.0, 560.0])
+    angles = folds.angles_rad(columns)
+    places = 200.0 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    assert columns_of_places(folds, 640, places) == pytest.approx(columns, abs=0.01)
+    beyond = folds.angles_rad(np.array([320.0 + 267.0])) + 0.01
+    unseen = 200.0 * np.stack([np.cos(beyond), np.sin(beyond)], axis=1)
+    assert np.isnan(columns_of_places(folds, 640, unseen)).all()

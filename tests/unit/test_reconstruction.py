@@ -156,6 +156,14 @@ def test_a_lens_bends_as_opencv_says(lens: BoardLens) -> None:
     np.testing.assert_allclose(undistorted(lens, ours), places[:, :2], atol=1e-9)
 
 
+def test_a_fisheye_sees_at_right_angles_to_its_axis() -> None:
+    beside_and_ahead = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
+    straight = BoardLens("fisheye", (300.0, 300.0), (320.0, 240.0), (0.0,) * 4)
+    columns, rows = straight.pixels(beside_and_ahead)
+    np.testing.assert_allclose(columns, [320.0 + 300.0 * np.pi / 2, 320.0])
+    np.testing.assert_allclose(rows, 240.0)
+
+
 @given(st.floats(-3.0, 3.0), st.floats(-0.05, 0.05), st.floats(-0.05, 0.05))
 def test_the_line_of_a_column_is_the_level_ray_in_it(yaw: float, pitch: float, roll: float) -> None:
     truth = CornerCamera("C1", 3.0, 4.0, 6.0, yaw, pitch, roll, Lens(350.0, 320.0, 240.0, 0.0))

@@ -58,3 +58,5 @@ def test_taps_of_another_rig_count_as_none(store: TapStore) -> None:
     moved = {**FORMATS, "C2": PictureFormat(640, 480, 212, 64)}
     assert TapStore(store.path, SURFACE_MM, moved).load(TARGETS) == {}
     assert TapStore(store.path, (350.0, 410.0), FORMATS).load(TARGETS) == {}
+    other = {"C1": "0c45:6366 SN7", "C2": ""}
+    assert TapStore(store.path, SURFACE_MM, FORMATS, lambda: other).load(TARGETS) == {}

@@ -55,6 +55,17 @@ def test_the_next_tap_needs_a_lift() -> None:
     assert [tap[0, 0] for tap in watched.taps] == [92.0, 192.0]
 
 
+def test_a_second_finger_ends_what_was_held() -> None:
+    watched = Watched()
+    watched.see(finger(), HOLD_S / 2)
+    watched.detector.disturb(watched.now_s)
+    assert watched.detector.state is TapState.SEVERAL
+    watched.see(finger(), HOLD_S / 2)
+    assert watched.taps == []
+    watched.see(finger(), HOLD_S)
+    assert len(watched.taps) == 1
+
+
 def test_two_quick_taps_are_none() -> None:
     watched = Watched()
     for _ in range(2):
@@ -132,8 +143,9 @@ def test_never_two_taps_without_a_lift_and_never_before_the_time(
         edges = UNSEEN if place is None else finger(place)
         tap = detector.update(now_s, edges, STILL_PX)
         if place is None:
-            down_s, tapped = None, False
             assert tap is None
+            if detector.state in (TapState.AWAY, TapState.TOO_SHORT):
+                down_s, tapped = None, False
             continue
         down_s = now_s if down_s is None else down_s
         if tap is not None:

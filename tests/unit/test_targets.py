@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from cornertouchd.guiding.targets import (
-    CLEAR_OF_DIAGONAL_MM,
     FRAME_INSET_MM,
     NEAR_CORNER_MM,
     TAPS,
     VALIDATION_NAMES,
     calibration_targets,
+    clear_of_diagonals_mm,
     frame_targets,
     targets_for,
     validation_targets,
@@ -31,6 +31,7 @@ def beside_diagonals_mm(places: np.ndarray, surface_mm: tuple[float, float]) -> 
 def test_the_grid_reaches_from_corner_to_corner(surface_mm: tuple[float, float]) -> None:
     grid = calibration_targets(surface_mm)
     assert grid.shape == (16, 2)
+    assert np.array_equal(grid, np.rint(grid))
     assert grid.min(axis=0) == pytest.approx([25.0, 25.0])
     assert grid.max(axis=0) == pytest.approx(np.array(surface_mm) - 25.0)
     assert len(np.unique(grid.round(3), axis=0)) == 16
@@ -45,7 +46,9 @@ def test_inner_targets_are_clear_of_the_diagonals(
     corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * surface_mm
     to_corner = np.linalg.norm(grid[:, None] - corners, axis=2).min(axis=1)
     inner = to_corner >= NEAR_CORNER_MM
-    assert np.all(beside_diagonals_mm(grid[inner], surface_mm) > CLEAR_OF_DIAGONAL_MM - 1e-6)
+    assert np.all(
+        beside_diagonals_mm(grid[inner], surface_mm) > clear_of_diagonals_mm(surface_mm) - 1.0
+    )
     assert np.all((grid > 0) & (grid < surface_mm))
 
 
@@ -54,16 +57,17 @@ def test_places_along_the_frame_are_equally_far_apart(surface_mm: tuple[float, f
     places = frame_targets(surface_mm, 225)
     way = 2 * (sum(surface_mm) - 4 * FRAME_INSET_MM)
     steps = np.abs(np.diff(np.vstack([places, places[:1]]), axis=0)).sum(axis=1)
-    assert steps == pytest.approx(way / 225)
+    assert steps == pytest.approx(way / 225, abs=0.2)
     inside = np.minimum(places, np.array(surface_mm) - places).min(axis=1)
-    assert inside == pytest.approx(FRAME_INSET_MM)
+    assert inside == pytest.approx(FRAME_INSET_MM, abs=0.051)
 
 
 def test_every_method_has_its_targets() -> None:
     for method, count in TAPS.items():
         assert len(targets_for(method, SURFACES[0])) == count
     assert len(targets_for("lookup-table", SURFACES[0], 60)) == 60
-    assert len(targets_for("auto", SURFACES[0], 30)) == 25
+    assert len(targets_for("auto", SURFACES[0], 25)) == 25
+    assert len(targets_for("auto", SURFACES[0], 0)) == 0
 
 
 def test_a_check_is_made_at_other_places_than_the_taps() -> None:
