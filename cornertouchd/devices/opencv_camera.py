@@ -54,6 +54,8 @@ class OpenCvCameraPort:
 
     def open(self) -> "OpenCvCamera":
         """Open the device.  Raises `CameraError` if it is not there or has another size."""
+        if not Path(self._device).exists():  # else OpenCV writes warnings of its own
+            raise CameraError(self._id, f"{self._device} is not there; is it plugged in?")
         backend = cv2.CAP_V4L2 if self._device.startswith("/dev/") else cv2.CAP_ANY
         capture = cv2.VideoCapture(self._device, backend)
         if not capture.isOpened():
