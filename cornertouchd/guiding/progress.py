@@ -50,7 +50,7 @@ class TapStore:
             kept = _Progress.model_validate_json(self.path.read_bytes())
         except (OSError, ValidationError):
             return {}
-        if kept.rig != self._rig():
+        if kept.rig != self._rig() or not len(targets_mm):
             return {}
         taps = {}
         for tap in kept.taps:

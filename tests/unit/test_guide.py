@@ -288,3 +288,33 @@ def test_one_picture_without_the_finger_is_no_lift(
     session.see(Finger(x_mm, y_mm), for_s=0.6)
     assert session.step.status.number == 2
     assert session.step.status.hint == "lift the finger"
+
+
+def test_without_taps_the_cameras_are_taken_to_be_in_their_corners(
+    simulated: SimulatedRig, store: TapStore
+) -> None:
+    session = Session(simulated, store, side=0)
+    session.until("scribble", session.see)
+    done = session.to_the_end(session.scribble)
+    assert 3.0 < done.fitted.expected.rms_mm < 8.0
+    assert np.sqrt(np.mean(session.errors_mm() ** 2)) < 8.0
+
+
+def test_a_place_that_is_hidden_three_times_is_left_out(
+    simulated: SimulatedRig, store: TapStore
+) -> None:
+    session = Session(simulated, store)
+    session.to_the_taps()
+    x_mm, y_mm = session.targets[0].tolist()
+    empty = simulated.frame_set(10_000, 0.0, ())
+    for attempt in range(3):
+        for picture in range(30):
+            index = 20_000 + 100 * attempt + picture
+            fingers = [Finger(x_mm, y_mm)] if picture < 20 else []
+            seen = simulated.frame_set(index, session.now_s, fingers)
+            session.feed((*seen[:2], *empty[2:]))
+    assert session.step.status.number == 2
+    assert "place 1 is hidden" in session.step.status.hint
+    for _ in range(15):
+        session.tap()
+    assert session.step.status.step == "scribble"
