@@ -21,7 +21,7 @@ from cornertouchd.simulation.hand import Hand, Person, place_on_rows
 from cornertouchd.simulation.rig import SimulatedRig
 
 SURFACE_MM = (350.0, 400.0)
-PERIOD_S = 0.02
+PERIOD_S = 0.04
 
 
 @pytest.fixture(scope="module")
