@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cornertouchd.calibration.calibration import CalibrationError
+from cornertouchd.calibration.calibration import CalibrationError, TapsDoNotFitError
 from cornertouchd.calibration.error_map import map_from_line_sigmas, places_mm
 from cornertouchd.calibration.fitted import SMALLEST_SHARE_KEPT, Fitted, distances_mm, line_sigma_mm
 from cornertouchd.calibration.gathering import ReferenceTouches
@@ -119,7 +119,7 @@ def _out_of_order(camera: str, columns_px: FloatArray) -> BoolArray:
     )
     count = int(np.count_nonzero(kept))
     if count < SMALLEST_SHARE_KEPT * len(seen):
-        raise CalibrationError(
+        raise TapsDoNotFitError(
             f"camera {camera}: only {count} of the {len(seen)} reference points that it sees on "
             f"its far sides follow each other in order, {SMALLEST_SHARE_KEPT:.0%} are needed: "
             "check them (x and y exchanged? millimetres? the right frame sets?)"

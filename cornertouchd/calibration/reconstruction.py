@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cornertouchd.calibration.calibration import CalibrationError
+from cornertouchd.calibration.calibration import CalibrationError, TapsDoNotFitError
 from cornertouchd.calibration.error_map import map_from_line_sigmas
 from cornertouchd.calibration.fitted import Fitted, distances_mm, line_sigma_mm
 from cornertouchd.calibration.gathering import ReferenceTouches
@@ -121,7 +121,7 @@ def _tie_to_surface(
     seen_mm = _triangulated(cameras, columns_px)
     used = np.asarray(np.isfinite(np.hstack([seen_mm, points_mm])).all(axis=1))
     if np.count_nonzero(used) < FEWEST_POINTS:
-        raise CalibrationError(
+        raise TapsDoNotFitError(
             f"{np.count_nonzero(used)} reference points were seen by two cameras, "
             f"{FEWEST_POINTS} are needed to tie the cameras to the surface: tap some, far from "
             "each other"
