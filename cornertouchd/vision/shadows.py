@@ -101,7 +101,8 @@ def _erf_pair(
     """Fit two erf edges by Gauss-Newton, starting from centroid and missing light."""
     low, high = max(0, run[0] - 2), min(len(brightness), run[1] + 2)
     missing = 1.0 - brightness[low:high]
-    centre = float(np.arange(low, high) @ missing / missing.sum())
+    # a glint beside the shadow would push the centroid out of it
+    centre = np.clip(np.arange(low, high) @ missing / missing.sum(), run[0], run[1] - 1)
     edges = np.array([centre - width_px / 2, centre + width_px / 2])
     reach = 3 * blur_px + 1
     window = slice(max(0, int(edges[0] - reach)), min(len(brightness), int(edges[1] + reach) + 2))

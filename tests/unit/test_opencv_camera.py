@@ -54,5 +54,5 @@ def test_another_size_is_refused(video: Path) -> None:
 
 
 def test_a_device_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(CameraError, match=r"camera C2: .*/c2 cannot be opened; is it plugged in"):
+    with pytest.raises(CameraError, match=r"camera C2: .*/c2 is not there; is it plugged in"):
         port(tmp_path / "c2", PictureFormat(640, 480, 0, 480)).open()

@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.special import erf
 
@@ -108,6 +108,8 @@ def test_a_camera_that_sees_nothing_gives_no_shadow() -> None:
     assert find_shadows(Profile(np.zeros(WIDTH), np.zeros(WIDTH, bool)), SETTINGS) == ()
 
 
+@example([0.0, -1.0, 1.625, 0.25, 1.75, 1.75], [False, True, True, False, False, True])
+@example([0.0, -1.0, 1.75, 0.25, 1.75, 1.75], [False, True, True, False, False, True])
 @given(
     st.lists(st.floats(-1, 2), min_size=5, max_size=60),
     st.lists(st.booleans(), min_size=60, max_size=60),
