@@ -35,7 +35,7 @@ def columns_of(points: FloatArray, noise_px: float, seed: int) -> FloatArray:
     return result + noise_px * rng.standard_normal(result.shape)
 
 
-def touches(scribble: int = 100, noise_px: float = 0.05) -> TouchColumns:
+def touches(scribble: int = 60, noise_px: float = 0.05) -> TouchColumns:
     rng = np.random.default_rng(5)
     somewhere = rng.uniform([10, 10], [340, 390], (scribble, 2))
     seen = np.concatenate([columns_of(TAPS, noise_px, 1), columns_of(somewhere, noise_px, 2)], 1)
