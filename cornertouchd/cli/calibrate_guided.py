@@ -12,10 +12,7 @@ from cornertouchd.calibration.boards import BoardPlan
 from cornertouchd.calibration.calibration import Calibration, Method
 from cornertouchd.calibration.error_picture import draw_error_map
 from cornertouchd.calibration.methods import make_calibration
-from cornertouchd.cli.calibration_report import (
-    camera_table,
-    light_table,
-)
+from cornertouchd.cli.calibration_report import camera_table, light_table
 from cornertouchd.cli.calibration_result import tell_and_save
 from cornertouchd.cli.following import follow
 from cornertouchd.cli.guided_rig import GuidedRig, guided_rig, whole_picture_rig
@@ -64,7 +61,7 @@ def calibrate_guided(settings: Settings, options: GuideOptions) -> None:
     with ExitStack() as opened:
         rig = opened.enter_context(guided_rig(settings, options.simulate, options.finger))
         stop = opened.enter_context(StopSignal())
-        boards = _hold_boards(settings, options, stop) if options.plan else ()
+        boards = _hold_boards(settings, options, options.plan, stop) if options.plan else ()
         store = _store(rig, settings, options)
         first = CheckCameras(_plan(settings, options, store, boards))
         done = follow(first, rig, settings, stop, STEPS[options.method])
@@ -88,10 +85,9 @@ def calibrate_guided(settings: Settings, options: GuideOptions) -> None:
 
 
 def _hold_boards(
-    settings: Settings, options: GuideOptions, stop: StopSignal
+    settings: Settings, options: GuideOptions, plan: BoardPlan, stop: StopSignal
 ) -> tuple[BoardSight, ...]:
     """Return sights of the board that is held before the cameras.  Raises `ClickException`."""
-    plan = options.plan or BoardPlan()
     with whole_picture_rig(settings, options.simulate, plan) as rig:
         first = HoldBoards(plan, {port.id: port.format for port in rig.ports})
         held = follow(first, rig, settings, stop, STEPS[options.method])
