@@ -2,10 +2,11 @@
 
 from typing import Protocol
 
+from cornertouchd.errors import ReportedError
 from cornertouchd.model import Frame, PictureFormat, TouchFrame
 
 
-class CameraError(Exception):
+class CameraError(ReportedError):
     """A camera cannot be opened or gives no more pictures; `reason` says why and what to do."""
 
     def __init__(self, camera: str, reason: str) -> None:

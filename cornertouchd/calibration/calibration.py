@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from cornertouchd.calibration.error_map import ErrorMap
+from cornertouchd.errors import ReportedError
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.locating.lookup_table import LookupTable
 from cornertouchd.locating.reconstruction import Reconstruction
@@ -20,7 +21,7 @@ LONGEST_IDENTITY = 200
 """Characters of a camera's identity that recordings and calibrations keep."""
 
 
-class CalibrationError(Exception):
+class CalibrationError(ReportedError):
     """A calibration cannot be made, read or used; the message says what to do."""
 
 

@@ -1,26 +1,50 @@
 """The commands, one file each."""
 
+from importlib import import_module
+
 import click
 
-from cornertouchd.calibration.calibration import CalibrationError
-from cornertouchd.cli.calibrate import calibrate
-from cornertouchd.cli.demo import demo
-from cornertouchd.cli.listen import listen
-from cornertouchd.cli.record import record
-from cornertouchd.cli.replay import replay
-from cornertouchd.cli.run import run
-from cornertouchd.config import ConfigError
-from cornertouchd.devices.recording import RecordingError
-from cornertouchd.ports import CameraError
+from cornertouchd.cli.journal import log_to_stderr
+from cornertouchd.errors import ReportedError
+
+COMMANDS = {
+    "bench": "Measure what this machine carries: microseconds per stage.",
+    "calibrate": "Calibrate the cameras and save the result.",
+    "demo": "Simulate a rig with moving fingers and send its touches as TUIO.",
+    "listen": "Show the touches that a TUIO tracker sends, whichever it is.",
+    "record": "Record the configured cameras into a directory until Ctrl-C.",
+    "replay": "Replay a recording through the whole pipeline.",
+    "run": "Run the daemon: cameras in, TUIO out, until SIGINT or SIGTERM.",
+}
+"""What each command does.  A command is imported when it is called, with what it needs: compiled
+kernels, OpenCV."""
 
 
 class _Commands(click.Group):
-    """Turns what went wrong into one message on stderr and exit status 1."""
+    """Imports commands when they are needed; tells errors in one line, with exit status 1."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        if cmd_name not in COMMANDS:
+            return None
+        log_to_stderr()
+        command: click.Command = getattr(import_module(f"cornertouchd.cli.{cmd_name}"), cmd_name)
+        return command
+
+    def format_commands(
+        self,
+        ctx: click.Context,  # noqa: ARG002
+        formatter: click.HelpFormatter,
+    ) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
 
     def invoke(self, ctx: click.Context) -> object:
         try:
             return super().invoke(ctx)
-        except (CalibrationError, CameraError, ConfigError, RecordingError) as error:
+        except ReportedError as error:
             raise click.ClickException(str(error)) from error
 
 
@@ -28,7 +52,3 @@ class _Commands(click.Group):
 @click.version_option(package_name="cornertouchd")
 def main() -> None:
     """Multi-touch from four infrared corner cameras, spoken as TUIO 1.1."""
-
-
-for _command in (demo, run, replay, calibrate, record, listen):
-    main.add_command(_command)

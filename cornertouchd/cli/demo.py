@@ -5,7 +5,7 @@ import os
 import click
 
 from cornertouchd.cli.targets import FiniteRange, HostPort
-from cornertouchd.cli.working import log_to_stderr, work
+from cornertouchd.cli.working import work
 from cornertouchd.config import (
     CamerasSettings,
     DestinationSettings,
@@ -44,8 +44,10 @@ def demo(
     seed: int,
     speed: float,
 ) -> None:
-    """Simulate a rig with moving fingers and send its touches as TUIO; Ctrl-C ends it."""
-    log_to_stderr()
+    """Simulate a rig with moving fingers and send its touches as TUIO.
+
+    Ctrl-C ends it.
+    """
     host, port = tuio
     settings = Settings(
         cameras=CamerasSettings(source="simulated"),

@@ -22,7 +22,7 @@ from cornertouchd.runtime.stop_signal import StopSignal
 @click.option("--notes", default="", help="What is recorded; kept with it.")
 @click.option("--config", "config_file", type=click.Path(path_type=Path), help="Settings.")
 def record(directory: Path, seconds: float | None, notes: str, config_file: Path | None) -> None:
-    """Record the configured cameras into DIRECTORY until Ctrl-C."""
+    """Record the configured cameras into a directory until Ctrl-C."""
     path = find_settings(config_file, os.environ)
     settings = read_settings(path) if path else Settings()
     clock = MonotonicClock()

@@ -12,7 +12,6 @@ import click
 from cornertouchd.calibration.file import load_calibration
 from cornertouchd.calibration.observing import mean_pictures
 from cornertouchd.cli.targets import HostPort, SetRuns, Speed
-from cornertouchd.cli.working import log_to_stderr
 from cornertouchd.config import DestinationSettings, Settings, TuioSettings, read_settings
 from cornertouchd.devices.recording import open_recording
 from cornertouchd.model import TouchFrame
@@ -63,7 +62,6 @@ def replay(
     config_file: Path | None,
 ) -> None:
     """Replay a recording through the whole pipeline."""
-    log_to_stderr()
     if empty_directory and empty_runs:
         raise click.UsageError("--empty and --empty-sets exclude each other: give one of them")
     if independent and tuio:

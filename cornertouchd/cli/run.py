@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from cornertouchd.cli.working import config_name, log_to_stderr, work
+from cornertouchd.cli.working import config_name, work
 from cornertouchd.config import Settings, find_settings, read_settings
 from cornertouchd.runtime.assembly import (
     find_calibration,
@@ -30,7 +30,6 @@ _log = logging.getLogger("cornertouchd")
 )
 def run(config_file: Path | None) -> None:
     """Run the daemon: cameras in, TUIO out, until SIGINT or SIGTERM."""
-    log_to_stderr()
     path = find_settings(config_file, os.environ)
     settings = read_settings(path) if path else Settings()
     clock = MonotonicClock()

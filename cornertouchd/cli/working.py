@@ -1,6 +1,5 @@
 """What `run` and `demo` share: start a daemon, wait for the signal, stop it, say what happened."""
 
-import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -12,11 +11,6 @@ from cornertouchd.runtime.stop_signal import StopSignal
 
 REPORT_S = 1.0
 """Time between two looks at what the daemon does."""
-
-
-def log_to_stderr(level: int = logging.INFO) -> None:
-    """Log as a service does: one line each, the journal adds the time."""
-    logging.basicConfig(level=level, format="%(levelname)s %(message)s", force=True)
 
 
 def work(

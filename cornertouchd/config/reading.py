@@ -25,6 +25,7 @@ from cornertouchd.config.layout import (
 from cornertouchd.config.rig import CAMERA_IDS
 from cornertouchd.config.settings import Settings
 from cornertouchd.config.table import Location
+from cornertouchd.errors import ReportedError
 
 ENVIRONMENT_VARIABLE = "CORNERTOUCHD_CONFIG"
 SYSTEM_FILE = Path("/etc/cornertouchd/cornertouchd.toml")
@@ -32,7 +33,7 @@ SYSTEM_FILE = Path("/etc/cornertouchd/cornertouchd.toml")
 LARGEST_FILE_BYTES = 1_000_000
 
 
-class ConfigError(Exception):
+class ConfigError(ReportedError):
     """The configuration cannot be used; the message has one line for each error."""
 
 

@@ -15,6 +15,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from cornertouchd.calibration.calibration import LONGEST_IDENTITY
+from cornertouchd.errors import ReportedError
 from cornertouchd.model import PictureFormat
 
 FORMAT: Literal["cornertouchd-recording"] = "cornertouchd-recording"
@@ -27,7 +28,7 @@ POINT_COLUMNS = ("set", "x_mm", "y_mm", "diameter_mm")
 ALL_SIDES_LIT = 15
 
 
-class RecordingError(Exception):
+class RecordingError(ReportedError):
     """A recording cannot be read or written; the message names file, row and remedy."""
 
 

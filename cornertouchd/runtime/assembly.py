@@ -13,8 +13,8 @@ from cornertouchd.config import CameraSettings, DestinationSettings, Settings
 from cornertouchd.devices.opencv_camera import OpenCvCameraPort
 from cornertouchd.devices.udp import UdpTuioSink, local_address
 from cornertouchd.model import PictureFormat
+from cornertouchd.places import state_directory
 from cornertouchd.ports import CameraPort, Clock
-from cornertouchd.runtime.places import state_directory
 from cornertouchd.runtime.simulated_rig import calibrated_rig, make_rig, make_show
 from cornertouchd.simulation.camera import painted_ports
 from cornertouchd.simulation.painting import PaintingProcess

@@ -151,8 +151,7 @@ class FusionThread:
         return min(WAIT_S, max(0.0, due_at_s - self._clock.now_s()))
 
     def _fuse(self, frame_set: FrameSet) -> None:
-        contacts = self._pipeline.cross(frame_set)
-        touches = self._pipeline.follow(frame_set, contacts)
+        contacts, touches = self._pipeline.follow(frame_set)
         self._faults.good()
         self._pictures.good()
         now_s = self._clock.now_s()

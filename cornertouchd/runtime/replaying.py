@@ -67,9 +67,13 @@ class Replay:
             if index in self._backgrounds:
                 self.learn_background(self._backgrounds[index])
             frame_set = self._observe(frames)
-            contacts = self._surface.cross(frame_set)
-            touches = () if self._independent else self._surface.follow(frame_set, contacts)
+            contacts, touches = self._followed(frame_set)
             yield ReplayedSet(index, frame_set.captured_at_s, contacts, touches)
+
+    def _followed(self, frame_set: FrameSet) -> tuple[tuple[Contact, ...], tuple[Touch, ...]]:
+        if self._independent:
+            return self._surface.cross(frame_set), ()
+        return self._surface.follow(frame_set)
 
     def _observe(self, frames: Sequence[Frame]) -> FrameSet:
         """Return what the cameras saw; a picture that is refused is counted and left out."""

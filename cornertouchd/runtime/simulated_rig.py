@@ -16,7 +16,7 @@ from cornertouchd.calibration.methods import calibrate
 from cornertouchd.config import Settings
 from cornertouchd.guiding.targets import calibration_targets
 from cornertouchd.model import Frame
-from cornertouchd.runtime.places import cache_directory
+from cornertouchd.places import cache_directory
 from cornertouchd.runtime.stamping import stamp_now
 from cornertouchd.simulation.fingers import Finger
 from cornertouchd.simulation.rig import SimulatedRig
