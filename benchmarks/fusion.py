@@ -155,7 +155,7 @@ def measure(rig: Rig, crossing: Crossing, count: int, scenes: int, seed: int) ->
         discs = random_discs(rig, count, rng)
         directing_lines = observed(rig, discs, rng)
         started = time.perf_counter()
-        contacts = crossing.cross(directing_lines)
+        contacts = crossing.cross(directing_lines).contacts
         seconds.append(time.perf_counter() - started)
         points = np.array([(contact.x_mm, contact.y_mm) for contact in contacts]).reshape(-1, 2)
         found = _distances_of_found(points, discs[:, :2], rig.found_within_mm)

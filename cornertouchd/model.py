@@ -5,6 +5,7 @@ continuous pixels: the centre of the first pixel is at 0.5.  Times are CLOCK_MON
 taken when the picture was taken.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -70,6 +71,37 @@ class Shadow:
     depth: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Shadows:
+    """The K shadows of a profile from left to right, as arrays; to iterate gives each `Shadow`.
+
+    `edges_px` and `valid` are (K, 2), left and right; `depth` is (K,).
+    """
+
+    edges_px: FloatArray
+    valid: BoolArray
+    depth: FloatArray
+
+    @staticmethod
+    def of(shadows: Iterable[Shadow]) -> "Shadows":
+        """Return shadows that are given one by one."""
+        given = tuple(shadows)
+        return Shadows(
+            np.array([(one.left_px, one.right_px) for one in given], np.float64).reshape(-1, 2),
+            np.array([(one.left_valid, one.right_valid) for one in given], np.bool_).reshape(-1, 2),
+            np.array([one.depth for one in given], np.float64),
+        )
+
+    def __len__(self) -> int:
+        return len(self.depth)
+
+    def __iter__(self) -> Iterator[Shadow]:
+        for (left, right), (left_valid, right_valid), depth in zip(
+            self.edges_px.tolist(), self.valid.tolist(), self.depth.tolist(), strict=True
+        ):
+            yield Shadow(left, right, left_valid, right_valid, depth)
+
+
 @dataclass(frozen=True, slots=True)
 class Observation:
     """What one camera saw in one frame: the only thing that leaves its capture thread."""
@@ -77,7 +109,7 @@ class Observation:
     camera: str
     sequence: int
     captured_at_s: float
-    shadows: tuple[Shadow, ...]
+    shadows: Shadows
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,16 @@ from cornertouchd.calibration.drift import Drift, DriftWatch
 from cornertouchd.config import Settings
 from cornertouchd.fusion.crossing import make_crossing
 from cornertouchd.fusion.tracking import Tracker
-from cornertouchd.locating.camera_model import lay_shadows
-from cornertouchd.model import Contact, FloatArray, Frame, FrameSet, Observation, Touch
+from cornertouchd.locating.line_table import tabulate
+from cornertouchd.model import (
+    Contact,
+    DirectingLines,
+    FloatArray,
+    Frame,
+    FrameSet,
+    Observation,
+    Touch,
+)
 from cornertouchd.vision.finder import make_finder
 from cornertouchd.vision.profile import shows_strip
 from cornertouchd.vision.strip import StripNotFoundError, find_strip
@@ -74,7 +82,10 @@ class SurfacePipeline:
     """All cameras: frame sets in, contacts and touches out.  Owned by the fusion thread."""
 
     def __init__(self, calibration: Calibration, settings: Settings) -> None:
-        self._models = {camera.id: camera.model for camera in calibration.cameras}
+        self._lines = {
+            camera.id: tabulate(camera.id, camera.model, camera.format.width_px)
+            for camera in calibration.cameras
+        }
         self._edge_sigma_px = settings.crossing.edge_sigma_px
         self._crossing = make_crossing(
             settings.crossing,
@@ -86,16 +97,20 @@ class SurfacePipeline:
 
     def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
         """Return what touches the surface in one frame set, whatever was before."""
-        directing_lines = [
-            lay_shadows(seen.camera, seen.shadows, self._models[seen.camera], self._edge_sigma_px)
-            for seen in frame_set.observations
-            if seen.shadows
-        ]
-        return self._crossing.cross(directing_lines)
+        return self._crossing.cross(self._directing_lines(frame_set)).contacts
 
-    def follow(self, frame_set: FrameSet, contacts: tuple[Contact, ...]) -> tuple[Touch, ...]:
-        """Return the touches after a frame set with these contacts."""
-        return self._tracker.update(frame_set.captured_at_s, contacts)
+    def follow(self, frame_set: FrameSet) -> tuple[tuple[Contact, ...], tuple[Touch, ...]]:
+        """Return what touches the surface now, and the touches that it continues or begins."""
+        predictions = self._tracker.predict(frame_set.captured_at_s)
+        crossed = self._crossing.cross(self._directing_lines(frame_set), predictions)
+        return crossed.contacts, self._tracker.update(frame_set.captured_at_s, crossed)
+
+    def _directing_lines(self, frame_set: FrameSet) -> list[DirectingLines]:
+        return [
+            self._lines[seen.camera].lay(seen.shadows, self._edge_sigma_px)
+            for seen in frame_set.observations
+            if len(seen.shadows)
+        ]
 
     def find_drift(
         self, frame_set: FrameSet, contacts: tuple[Contact, ...], touches: tuple[Touch, ...]

@@ -65,7 +65,7 @@ def observe_touches(
     return np.array(columns, dtype=np.float64).reshape(shape).transpose(1, 0, 2)
 
 
-def edges_of_touch(shadows: Sequence[Shadow]) -> tuple[float, float]:
+def edges_of_touch(shadows: Iterable[Shadow]) -> tuple[float, float]:
     """Return the edges of the widest shadow, NaN if one of them is not seen."""
     widest = max(shadows, key=_width_px, default=None)
     if widest is None or not (widest.left_valid and widest.right_valid):
@@ -75,7 +75,7 @@ def edges_of_touch(shadows: Sequence[Shadow]) -> tuple[float, float]:
     return widest.left_px, widest.right_px
 
 
-def touches_seen(shadows: Sequence[Shadow]) -> int:
+def touches_seen(shadows: Iterable[Shadow]) -> int:
     """Return how many shadows are wide enough to be touches."""
     return sum(_width_px(shadow) >= SMALLEST_WIDTH_PX for shadow in shadows)
 

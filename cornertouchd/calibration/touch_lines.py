@@ -62,20 +62,19 @@ def _own_line(
     seen: Observation, contact: Contact, camera: CameraCalibration
 ) -> tuple[float, float] | None:
     """Return angle and slope (rad per pixel) of the shadow of a contact, if there is but one."""
-    if not seen.shadows:
+    if not len(seen.shadows):
         return None
-    columns = np.array([(one.left_px, one.right_px) for one in seen.shadows])
-    edges = camera.model.angles_rad(columns)
+    edges = camera.model.angles_rad(seen.shadows.edges_px)
     middles = edges.mean(axis=1)
     away = np.array([contact.x_mm, contact.y_mm]) - camera.model.position_mm
     near = np.flatnonzero(np.abs(normals(middles) @ away) < NEAREST_MM)
     if len(near) != 1:
         return None
-    shadow = seen.shadows[near[0]]
-    if not (shadow.left_valid and shadow.right_valid):
+    shadow = int(near[0])
+    if not seen.shadows.valid[shadow].all():
         return None
-    slope = np.diff(edges[near[0]]) / (shadow.right_px - shadow.left_px)
-    return float(middles[near[0]]), float(np.abs(slope[0]))
+    slope = np.diff(edges[shadow]) / np.diff(seen.shadows.edges_px[shadow])
+    return float(middles[shadow]), float(np.abs(slope[0]))
 
 
 def _lines(

@@ -13,7 +13,8 @@ from itertools import combinations
 import numpy as np
 
 from cornertouchd.fusion.cells import GATE_SIGMAS, CellRows, DiscLimits, rows_of_cells
-from cornertouchd.fusion.edge_rows import EdgeRows, IntArray
+from cornertouchd.fusion.crossed import IntArray
+from cornertouchd.fusion.edge_rows import EdgeRows
 from cornertouchd.geometry import line_crossings
 from cornertouchd.model import BoolArray, FloatArray
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cornertouchd.config import CrossingSettings
-from cornertouchd.fusion.edge_rows import EdgeRows, IntArray
+from cornertouchd.fusion.crossed import IntArray
+from cornertouchd.fusion.edge_rows import EdgeRows
 from cornertouchd.geometry import angles_and_distances, line_crossings
 from cornertouchd.model import BoolArray, FloatArray
 

@@ -5,19 +5,25 @@ from typing import Protocol
 
 from cornertouchd.config import CrossingSettings
 from cornertouchd.fusion.cells import disc_limits
+from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.edge_crossing import EdgeCrossing
 from cornertouchd.fusion.paper_crossing import PaperCrossing, nearest_points
 from cornertouchd.fusion.paper_reconstruction import reconstruct_in_pairs
-from cornertouchd.model import Contact, DirectingLines
+from cornertouchd.model import DirectingLines
 
 
 class Crossing(Protocol):
     """A way to find contacts; keeps nothing from one frame set to the next."""
 
-    def cross(self, directing_lines: Sequence[DirectingLines]) -> tuple[Contact, ...]:
+    def cross(
+        self, directing_lines: Sequence[DirectingLines], predictions: Predictions | None = None
+    ) -> Crossed:
         """Return the contacts that explain the shadows of 2..8 cameras.
 
         Cameras without a shadow add nothing; with fewer than two others there are no contacts.
+        Without `predictions` the frame set stands for itself.  With them (there may be none of them
+        yet) a touch that is expected is cheaper to believe in than a new one, and a new one dearer
+        than without.
         """
         ...
 

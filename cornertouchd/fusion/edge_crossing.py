@@ -11,10 +11,11 @@ import numpy as np
 
 from cornertouchd.fusion.candidates import find_candidates, joined
 from cornertouchd.fusion.cells import DiscLimits, find_cells
+from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.edge_rows import edge_rows
 from cornertouchd.fusion.refinement import RefinedDiscs, refine
 from cornertouchd.fusion.rescue import is_needed, rescue_candidates
-from cornertouchd.fusion.selection import cheapest_explanation, costs_of
+from cornertouchd.fusion.selection import COST_OF_A_DISC, cheapest_explanation, costs_of
 from cornertouchd.model import BoolArray, Contact, DirectingLines, FloatArray
 
 # Fitted to 10 000 contacts in crowded scenes (15 on 350x400, hands, three cameras): of those with
@@ -35,11 +36,13 @@ class EdgeCrossing:
     limits: DiscLimits
     edge_sigma_px: float
 
-    def cross(self, directing_lines: Sequence[DirectingLines]) -> tuple[Contact, ...]:
+    def cross(
+        self, directing_lines: Sequence[DirectingLines], predictions: Predictions | None = None
+    ) -> Crossed:
         """Return the contacts that explain the shadows, on the surface, in no given order."""
         rows = edge_rows(directing_lines)
         if len(rows.cameras) < 2:
-            return ()
+            return Crossed.nothing()
         candidates = find_candidates(rows, find_cells(rows, self.limits), self.limits)
         explanation = cheapest_explanation(costs_of(candidates, rows, self.edge_sigma_px))
         unexplained = explanation.unexplained & rows.valid.ravel()
@@ -48,7 +51,13 @@ class EdgeCrossing:
             candidates = joined([candidates, *rescued])
             explanation = cheapest_explanation(costs_of(candidates, rows, self.edge_sigma_px))
         refined = refine(candidates.take(explanation.chosen), rows.edge_count)
-        return self._contacts(refined, explanation.margins, rows.cameras)
+        own = np.count_nonzero(refined.owned, axis=1)
+        return Crossed(
+            self._contacts(refined, explanation.margins, rows.cameras),
+            explanation.margins + COST_OF_A_DISC,
+            own.astype(np.intp),
+            np.full(len(own), -1, np.intp),
+        )
 
     def _contacts(
         self, refined: RefinedDiscs, margins: FloatArray, cameras: tuple[str, ...]

@@ -11,10 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.geometry import normals, wrap_angle
 from cornertouchd.model import BoolArray, DirectingLines, FloatArray
-
-IntArray = NDArray[np.intp]
 
 # Ten fingers cast at most ten shadows in each camera.  Cameras that report more than this together
 # are looking at broken strips: the widest shadows will do, so that the work stays bounded (0.2 s).

@@ -21,7 +21,7 @@ import numpy as np
 
 from cornertouchd.config import PaperCrossingSettings
 from cornertouchd.fusion.cells import DiscLimits
-from cornertouchd.fusion.edge_rows import IntArray
+from cornertouchd.fusion.crossed import Crossed, IntArray, Predictions
 from cornertouchd.geometry import angles_and_distances, normals
 from cornertouchd.model import Contact, DirectingLines, FloatArray
 
@@ -96,23 +96,28 @@ class PaperCrossing:
         """Number of frame sets that had more than `MOST_GROUPS` groups and so gave no contacts."""
         return self._refused_sets
 
-    def cross(self, directing_lines: Sequence[DirectingLines]) -> tuple[Contact, ...]:
+    def cross(
+        self,
+        directing_lines: Sequence[DirectingLines],
+        predictions: Predictions | None = None,  # noqa: ARG002  the paper knows single frames only
+    ) -> Crossed:
         """Return the accepted points in the order in which the paper's iteration meets them."""
         seeing = [
             camera for camera in map(_with_whole_shadows, directing_lines) if len(camera.centre_rad)
         ]
         if len(seeing) < 2:
-            return ()
+            return Crossed.nothing()
         if prod(len(camera.centre_rad) for camera in seeing) > MOST_GROUPS:
             self._refused_sets += 1
-            return ()
+            return Crossed.nothing()
         groups = _all_groups(seeing)
         located = self._locate(groups)
         points = located.points_mm
         near = located.misfit_mm <= self._settings.th1_mm
         accepted = np.flatnonzero(near & self._limits.on_surface(points))
         accepted = accepted[_not_redundant(points[accepted], self._settings.th2_mm)]
-        return self._contacts(groups.take(accepted))
+        contacts = self._contacts(groups.take(accepted))
+        return Crossed.unsupported(contacts, np.array([c.confidence for c in contacts]))
 
     def _contacts(self, groups: Groups) -> tuple[Contact, ...]:
         located = self._locate(groups)

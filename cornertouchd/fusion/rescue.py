@@ -14,7 +14,8 @@ import numpy as np
 
 from cornertouchd.fusion.candidates import Candidates, find_candidates
 from cornertouchd.fusion.cells import CellRows, DiscLimits, find_cells
-from cornertouchd.fusion.edge_rows import EdgeRows, IntArray, without_cameras
+from cornertouchd.fusion.crossed import IntArray
+from cornertouchd.fusion.edge_rows import EdgeRows, without_cameras
 from cornertouchd.geometry import angles_and_distances, half_angles_of_discs, wrap_angle
 from cornertouchd.model import BoolArray
 

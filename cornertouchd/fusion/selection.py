@@ -17,7 +17,8 @@ from cornertouchd.fusion.candidates import (
     edge_costs,
     size_excess_mm,
 )
-from cornertouchd.fusion.edge_rows import EdgeRows, IntArray
+from cornertouchd.fusion.crossed import IntArray
+from cornertouchd.fusion.edge_rows import EdgeRows
 from cornertouchd.geometry import angles_and_distances, half_angles_of_discs
 from cornertouchd.model import BoolArray, FloatArray
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from cornertouchd.config import TrackingSettings
+from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.model import Contact, Touch
 
 # No contact is known better: its section is not quite an ellipse, and hands tremble.
@@ -70,14 +71,18 @@ class Tracker:
         self._tracks = ()
         self._updated_at_s = None
 
-    def update(self, captured_at_s: float, contacts: Sequence[Contact]) -> tuple[Touch, ...]:
+    def predict(self, captured_at_s: float) -> Predictions:
+        """Return where the touches are expected at this time."""
+        return Predictions(np.empty((0, 3)), np.empty(0), np.empty(0), np.empty(0))
+
+    def update(self, captured_at_s: float, crossed: Crossed) -> tuple[Touch, ...]:
         """Return the touches after a frame set with these contacts, by ascending id.
 
         A touch is first reported where its contact was measured.  One that is not seen rests where
         it was last for `coast_frames` frame sets before it ends.  When time does not advance, or
         leaps, all touches end and the contacts become new ones.
         """
-        touching = [contact for contact in contacts if _can_be_a_touch(contact)]
+        touching = [contact for contact in crossed.contacts if _can_be_a_touch(contact)]
         predicted = self._predicted(captured_at_s)
         self._updated_at_s = captured_at_s
         partners = _assigned(predicted, touching, self._settings.gate_mm)

@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from cornertouchd.config import VisionSettings
-from cornertouchd.model import FloatArray, Picture, Shadow
+from cornertouchd.model import FloatArray, Picture, Shadows
 from cornertouchd.vision.paper_edges import PaperFinder
 from cornertouchd.vision.profile import ProfileSampler
 from cornertouchd.vision.shadows import find_shadows
@@ -13,7 +13,7 @@ from cornertouchd.vision.strip import Strip
 class ShadowFinder(Protocol):
     """Finds the shadows in pictures of one camera."""
 
-    def find(self, picture: Picture) -> tuple[Shadow, ...]:
+    def find(self, picture: Picture) -> Shadows:
         """Return the shadows of a picture (rows, width_px) from left to right."""
         ...
 
@@ -25,7 +25,7 @@ class ProfileFinder:
         self._sampler = ProfileSampler(strip, empty, settings)
         self._settings = settings
 
-    def find(self, picture: Picture) -> tuple[Shadow, ...]:
+    def find(self, picture: Picture) -> Shadows:
         """Return the shadows of a picture (rows, width_px) from left to right."""
         return find_shadows(self._sampler.sample(picture), self._settings)
 

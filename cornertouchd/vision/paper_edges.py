@@ -6,7 +6,7 @@ Selected by `vision.edges = "paper"`; the reference that the default is measured
 import numpy as np
 
 from cornertouchd.config import PaperVisionSettings
-from cornertouchd.model import BoolArray, FloatArray, Picture, Shadow
+from cornertouchd.model import BoolArray, FloatArray, Picture, Shadow, Shadows
 from cornertouchd.vision.strip import Strip
 
 HALF_SHADED_PX = 2
@@ -53,14 +53,14 @@ class PaperFinder:
         seen = (count > 0) & (self._line >= 0)
         return np.where(seen, total / np.maximum(count, 1), np.nan)
 
-    def find(self, picture: Picture) -> tuple[Shadow, ...]:
+    def find(self, picture: Picture) -> Shadows:
         """Return the shadows of a picture from left to right, edges at pixel centres.
 
         Both edges count as valid: the paper knows no others.
         """
         lefts, rights = find_edges(gradient(self.mean_values(picture)), self._settings.t1)
         pairs = merge_edges(lefts, rights, self._settings.t2_px, self._settings.t3_px)
-        return tuple(Shadow(a + 0.5, b + 0.5, True, True, 1.0) for a, b in pairs)
+        return Shadows.of(Shadow(a + 0.5, b + 0.5, True, True, 1.0) for a, b in pairs)
 
 
 def gradient(mean_values: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import erf
 
 from cornertouchd.config import VisionSettings
-from cornertouchd.model import BoolArray, FloatArray, Profile, Shadow
+from cornertouchd.model import BoolArray, FloatArray, Profile, Shadow, Shadows
 
 NARROW_BLURS = 5.0
 """A shadow narrower than this many blur widths never gets fully dark: its edges overlap."""
@@ -27,11 +27,11 @@ UNKNOWN_REACH_PX = 2.0
 """An edge this near to a column that tells nothing is not believed."""
 
 
-def find_shadows(profile: Profile, settings: VisionSettings) -> tuple[Shadow, ...]:
+def find_shadows(profile: Profile, settings: VisionSettings) -> Shadows:
     """Return the shadows of a profile from left to right."""
     columns = np.flatnonzero(profile.known)
     if len(columns) < 3:
-        return ()
+        return Shadows.of(())
     first, last = int(columns[0]), int(columns[-1])
     brightness = profile.brightness[first : last + 1]
     shadows = []
@@ -39,7 +39,7 @@ def find_shadows(profile: Profile, settings: VisionSettings) -> tuple[Shadow, ..
         missing = _missing_light_px(brightness, start, stop, settings.dark_share)
         if missing >= settings.smallest_shadow_px:
             shadows += _edges_of_run(brightness, start, stop, missing, settings)
-    return tuple(_shadow(profile, first, last, left, right) for left, right in shadows)
+    return Shadows.of(_shadow(profile, first, last, left, right) for left, right in shadows)
 
 
 def _runs(below: BoolArray) -> list[tuple[int, int]]:

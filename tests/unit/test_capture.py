@@ -14,7 +14,7 @@ import pytest
 from cornertouchd.calibration.calibration import CameraCalibration
 from cornertouchd.config import CamerasSettings
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
-from cornertouchd.model import Frame, Observation, PictureFormat
+from cornertouchd.model import Frame, Observation, PictureFormat, Shadows
 from cornertouchd.ports import CameraError
 from cornertouchd.runtime.capture import CaptureThread
 from cornertouchd.runtime.latest import Latest
@@ -93,7 +93,7 @@ class StubPipeline:
     def observe(self, frame: Frame) -> Observation:
         if frame.pixels.shape != (3, 4):
             raise ValueError("a picture of another size")
-        return Observation(frame.camera, frame.sequence, frame.captured_at_s, ())
+        return Observation(frame.camera, frame.sequence, frame.captured_at_s, Shadows.of(()))
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """Scenes are discs on a small surface, seen without noise unless a test says otherwise."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
 from cornertouchd.config import CrossingSettings
-from cornertouchd.fusion.crossing import Crossing, make_crossing
+from cornertouchd.fusion.crossing import make_crossing
 from cornertouchd.fusion.edge_crossing import EdgeCrossing
 from cornertouchd.model import Contact, DirectingLines
 
@@ -97,8 +97,9 @@ def random_discs(count: int, rng: np.random.Generator, apart_mm: float = 20.0) -
     return discs
 
 
-def crossing(**settings: float) -> Crossing:
-    return make_crossing(CrossingSettings.model_validate(settings), SURFACE_MM)
+def crossing(**settings: float) -> Callable[[Sequence[DirectingLines]], tuple[Contact, ...]]:
+    method = make_crossing(CrossingSettings.model_validate(settings), SURFACE_MM)
+    return lambda directing_lines: method.cross(directing_lines).contacts
 
 
 def found(contacts: Sequence[Contact]) -> list[tuple[float, float]]:
@@ -119,12 +120,12 @@ def assert_found(
 
 
 def test_the_settings_choose_the_method() -> None:
-    assert isinstance(crossing(), EdgeCrossing)
+    assert isinstance(make_crossing(CrossingSettings(), SURFACE_MM), EdgeCrossing)
 
 
 @given(st.floats(5.0, 345.0), st.floats(5.0, 395.0), st.floats(3.8, 9.0))
 def test_one_finger_is_found_where_it_is(x_mm: float, y_mm: float, radius_mm: float) -> None:
-    (contact,) = crossing().cross(bearings_of([(x_mm, y_mm, radius_mm)]))
+    (contact,) = crossing()(bearings_of([(x_mm, y_mm, radius_mm)]))
     assert (contact.x_mm, contact.y_mm) == pytest.approx((x_mm, y_mm), abs=0.02)
     assert contact.diameter_mm == pytest.approx(2.0 * radius_mm, abs=0.05)
     assert contact.confidence > 0.99
@@ -136,7 +137,7 @@ def test_the_position_of_one_finger_is_as_good_as_its_sigma_says() -> None:
     rng = np.random.default_rng(3)
     errors_in_sigmas = []
     for disc in random_discs(60, rng, apart_mm=5.0):
-        (contact,) = crossing().cross(bearings_of([disc], rng=rng))
+        (contact,) = crossing()(bearings_of([disc], rng=rng))
         error_mm = np.hypot(contact.x_mm - disc[0], contact.y_mm - disc[1])
         assert error_mm < 0.25
         errors_in_sigmas.append(error_mm / contact.sigma_mm)
@@ -149,7 +150,7 @@ def test_a_few_fingers_are_all_found_and_nothing_else(count: int) -> None:
     errors_mm: list[float] = []
     for _ in range(25):
         discs = random_discs(count, rng)
-        contacts = crossing().cross(bearings_of(discs, rng=rng))
+        contacts = crossing()(bearings_of(discs, rng=rng))
         errors_mm += assert_found(contacts, discs, within_mm=3.0)
     assert np.sqrt(np.mean(np.square(errors_mm))) < 0.2
 
@@ -159,7 +160,7 @@ def test_ten_fingers_are_nearly_always_found() -> None:
     exact = 0
     for _ in range(25):
         discs = random_discs(10, rng)
-        contacts = crossing().cross(bearings_of(discs, rng=rng))
+        contacts = crossing()(bearings_of(discs, rng=rng))
         nearest = [
             min((np.hypot(c.x_mm - x, c.y_mm - y) for c in contacts), default=99.0)
             for x, y, _ in discs
@@ -173,14 +174,14 @@ def test_fingers_behind_each_other_make_no_ghosts() -> None:
     corners = [(100.0, 120.0), (250.0, 120.0), (100.0, 280.0), (250.0, 280.0)]
     for missing in range(4):
         discs = [(x, y, 6.0) for n, (x, y) in enumerate(corners) if n != missing]
-        assert_found(crossing().cross(bearings_of(discs)), discs, within_mm=1.0)
+        assert_found(crossing()(bearings_of(discs)), discs, within_mm=1.0)
 
 
 def test_merged_shadows_are_taken_apart() -> None:
     pair = [(170.0, 200.0, 5.0), (190.0, 214.0, 5.0)]
     directing_lines = bearings_of(pair)
     assert min(len(camera.first_rad) for camera in directing_lines) == 1
-    assert_found(crossing().cross(directing_lines), pair, within_mm=0.5)
+    assert_found(crossing()(directing_lines), pair, within_mm=0.5)
 
 
 @pytest.mark.parametrize("turned_deg", range(0, 180, 20))
@@ -188,7 +189,7 @@ def test_two_fingers_side_by_side_are_not_taken_for_one_large_one(turned_deg: fl
     dx, dy = 7.0 * np.cos(np.deg2rad(turned_deg)), 7.0 * np.sin(np.deg2rad(turned_deg))
     for x, y in [(110.0, 130.0), (272.0, 267.0), (175.0, 330.0)]:
         pair = [(x - dx, y - dy, 5.9), (x + dx, y + dy, 4.7)]
-        assert_found(crossing().cross(bearings_of(pair)), pair, within_mm=2.0)
+        assert_found(crossing()(bearings_of(pair)), pair, within_mm=2.0)
 
 
 @pytest.mark.parametrize(
@@ -201,13 +202,13 @@ def test_two_fingers_side_by_side_are_not_taken_for_one_large_one(turned_deg: fl
     ],
 )
 def test_a_large_disc_that_covers_more_does_not_stand_in_the_way_of_two(pair: list[Disc]) -> None:
-    assert_found(crossing().cross(bearings_of(pair)), pair, within_mm=2.0)
+    assert_found(crossing()(bearings_of(pair)), pair, within_mm=2.0)
 
 
 def test_a_contact_names_the_cameras_whose_shadows_it_casts() -> None:
     hidden_from_c1 = (200.0, 200.0, 4.0)
     before_it = (100.0, 100.0, 8.0)
-    contacts = crossing().cross(bearings_of([hidden_from_c1, before_it]))
+    contacts = crossing()(bearings_of([hidden_from_c1, before_it]))
     cameras = {round(contact.x_mm): contact.cameras for contact in contacts}
     assert cameras == {200: ("C2", "C3", "C4"), 100: ("C1", "C2", "C3", "C4")}
 
@@ -217,27 +218,27 @@ def test_a_contact_names_the_cameras_whose_shadows_it_casts() -> None:
 )
 def test_any_two_or_more_cameras_will_do(cameras: tuple[str, ...]) -> None:
     disc = (120.0, 230.0, 6.0)
-    (contact,) = crossing().cross(bearings_of([disc], cameras))
+    (contact,) = crossing()(bearings_of([disc], cameras))
     assert (contact.x_mm, contact.y_mm) == pytest.approx(disc[:2], abs=0.05)
     assert contact.cameras == cameras
 
 
 def test_eight_cameras_find_five_fingers() -> None:
     discs = random_discs(5, np.random.default_rng(8))
-    assert_found(crossing().cross(bearings_of(discs, [*CORNERS, *SIDES])), discs, within_mm=0.2)
+    assert_found(crossing()(bearings_of(discs, [*CORNERS, *SIDES])), discs, within_mm=0.2)
 
 
 def test_cameras_without_shadows_are_as_if_they_were_absent() -> None:
     disc = (120.0, 230.0, 6.0)
     seeing = bearings_of([disc], ("C1", "C2", "C4"))
     blind = bearings_of([], ("C3",))
-    assert crossing().cross([*seeing, *blind]) == crossing().cross(seeing)
+    assert crossing()([*seeing, *blind]) == crossing()(seeing)
 
 
 def test_less_than_two_seeing_cameras_find_nothing() -> None:
-    assert crossing().cross([]) == ()
-    assert crossing().cross(bearings_of([])) == ()
-    assert crossing().cross(bearings_of([(120.0, 230.0, 6.0)], ("C2",))) == ()
+    assert crossing()([]) == ()
+    assert crossing()(bearings_of([])) == ()
+    assert crossing()(bearings_of([(120.0, 230.0, 6.0)], ("C2",))) == ()
 
 
 def test_a_contact_that_one_camera_misses_is_found_all_the_same() -> None:
@@ -245,7 +246,7 @@ def test_a_contact_that_one_camera_misses_is_found_all_the_same() -> None:
     for camera in range(4):
         directing_lines = bearings_of(discs)
         directing_lines[camera] = shadows(directing_lines[camera], [0])
-        assert_found(crossing().cross(directing_lines), discs, within_mm=0.3)
+        assert_found(crossing()(directing_lines), discs, within_mm=0.3)
 
 
 def test_a_contact_between_two_cameras_that_hide_it_from_each_other_is_found() -> None:
@@ -254,7 +255,7 @@ def test_a_contact_between_two_cameras_that_hide_it_from_each_other_is_found() -
     directing_lines = bearings_of([on_the_diagonal, elsewhere])
     for camera in ("C1", "C3"):
         directing_lines[list(CORNERS).index(camera)] = one_camera([elsewhere], camera)
-    contacts = crossing().cross(directing_lines)
+    contacts = crossing()(directing_lines)
     assert_found(contacts, [on_the_diagonal, elsewhere], within_mm=0.5)
 
 
@@ -264,7 +265,7 @@ def test_what_two_cameras_show_and_two_others_do_not_is_no_contact() -> None:
         *bearings_of([finger], ("C1", "C2")),
         *bearings_of([finger, phantom], ("C3", "C4")),
     ]
-    assert_found(crossing().cross(directing_lines), [finger], within_mm=0.1)
+    assert_found(crossing()(directing_lines), [finger], within_mm=0.1)
 
 
 def test_a_finger_at_a_camera_covers_its_view_and_is_found() -> None:
@@ -272,7 +273,7 @@ def test_a_finger_at_a_camera_covers_its_view_and_is_found() -> None:
     far = (250.0, 300.0, 6.0)
     directing_lines = bearings_of([at_c1, far])
     assert not (directing_lines[0].first_valid | directing_lines[0].last_valid).any()
-    assert_found(crossing().cross(directing_lines), [at_c1, far], within_mm=0.5)
+    assert_found(crossing()(directing_lines), [at_c1, far], within_mm=0.5)
 
 
 def test_a_finger_reaches_beyond_an_edge_that_is_not_valid() -> None:
@@ -285,7 +286,7 @@ def test_a_finger_reaches_beyond_an_edge_that_is_not_valid() -> None:
         last_rad, last_valid = seen.last_rad.copy(), seen.last_valid.copy()
         last_rad[cut], last_valid[cut] = seen.centre_rad[cut], False
         directing_lines.append(replace(seen, last_rad=last_rad, last_valid=last_valid))
-    assert_found(crossing().cross(directing_lines), discs, within_mm=1.0)
+    assert_found(crossing()(directing_lines), discs, within_mm=1.0)
 
 
 def test_beyond_an_edge_that_is_not_valid_the_light_still_refuses_ghosts() -> None:
@@ -293,7 +294,7 @@ def test_beyond_an_edge_that_is_not_valid_the_light_still_refuses_ghosts() -> No
     directing_lines = [one_camera([finger], "C1"), *bearings_of([finger, ghost], ("C2", "C3"))]
     assert directing_lines[0].last_rad[0] < one_camera([ghost], "C1").first_rad[0]
     directing_lines[0] = replace(directing_lines[0], last_valid=np.array([False]))
-    assert_found(crossing().cross(directing_lines), [finger], within_mm=0.3)
+    assert_found(crossing()(directing_lines), [finger], within_mm=0.3)
 
 
 def test_four_edges_that_leave_the_size_open_still_make_a_contact() -> None:
@@ -308,29 +309,27 @@ def test_four_edges_that_leave_the_size_open_still_make_a_contact() -> None:
         )
         for camera, (first, last) in valid.items()
     ]
-    assert_found(crossing().cross(directing_lines), [disc], within_mm=2.0)
+    assert_found(crossing()(directing_lines), [disc], within_mm=2.0)
 
 
 def test_contacts_at_the_border_are_on_the_surface() -> None:
     outside = (-1.0, 401.0, 6.0)
-    (contact,) = crossing().cross(bearings_of([outside]))
+    (contact,) = crossing()(bearings_of([outside]))
     assert (contact.x_mm, contact.y_mm) == (0.0, 400.0)
 
 
 def test_something_beside_the_surface_is_no_contact() -> None:
-    assert crossing().cross(bearings_of([(-6.0, 200.0, 4.0)])) == ()
+    assert crossing()(bearings_of([(-6.0, 200.0, 4.0)])) == ()
 
 
 def test_the_settings_bound_the_size_of_contacts() -> None:
     pen, palm = (100.0, 250.0, 1.5), (200.0, 150.0, 30.0)
-    assert crossing().cross(bearings_of([pen])) == ()
-    (thin,) = crossing(smallest_radius_mm=1.2).cross(bearings_of([pen]))
+    assert crossing()(bearings_of([pen])) == ()
+    (thin,) = crossing(smallest_radius_mm=1.2)(bearings_of([pen]))
     assert (thin.x_mm, thin.y_mm) == pytest.approx(pen[:2], abs=0.1)
-    (wide,) = crossing().cross(bearings_of([palm]))
+    (wide,) = crossing()(bearings_of([palm]))
     assert wide.diameter_mm == pytest.approx(60.0, abs=0.5)
-    assert all(
-        c.diameter_mm < 55.0 for c in crossing(largest_radius_mm=25.0).cross(bearings_of([palm]))
-    )
+    assert all(c.diameter_mm < 55.0 for c in crossing(largest_radius_mm=25.0)(bearings_of([palm])))
 
 
 def test_an_ellipse_is_found_at_its_centre() -> None:
@@ -342,7 +341,7 @@ def test_an_ellipse_is_found_at_its_centre() -> None:
         seen = one_camera([(140.0, 220.0, 6.0)], camera)
         wrapped = seen.centre_rad + (edges - seen.centre_rad + np.pi) % (2 * np.pi) - np.pi
         directing_lines.append(replace(seen, first_rad=wrapped[:1], last_rad=wrapped[1:]))
-    (contact,) = crossing().cross(directing_lines)
+    (contact,) = crossing()(directing_lines)
     assert (contact.x_mm, contact.y_mm) == pytest.approx(tuple(centre), abs=0.1)
     assert contact.diameter_mm == pytest.approx(12.0, abs=0.4)
 
@@ -371,15 +370,15 @@ def test_angles_may_be_counted_from_any_turn() -> None:
         )
         for camera, turns in zip(directing_lines, (1, -1, -2, 0), strict=True)
     ]
-    assert np.allclose(found(crossing().cross(turned)), found(crossing().cross(directing_lines)))
+    assert np.allclose(found(crossing()(turned)), found(crossing()(directing_lines)))
 
 
 def test_the_order_of_the_cameras_changes_only_their_order_in_a_contact() -> None:
     discs = random_discs(5, np.random.default_rng(5))
     directing_lines = bearings_of(discs)
     assert np.allclose(
-        found(crossing().cross(directing_lines)),
-        found(crossing().cross(directing_lines[::-1])),
+        found(crossing()(directing_lines)),
+        found(crossing()(directing_lines[::-1])),
         atol=1e-6,
     )
 
@@ -387,16 +386,12 @@ def test_the_order_of_the_cameras_changes_only_their_order_in_a_contact() -> Non
 def test_the_same_bearings_give_the_same_contacts_bit_for_bit() -> None:
     directing_lines = bearings_of(random_discs(8, np.random.default_rng(6)))
     one = crossing()
-    assert (
-        one.cross(directing_lines)
-        == one.cross(directing_lines)
-        == crossing().cross(directing_lines)
-    )
+    assert one(directing_lines) == one(directing_lines) == crossing()(directing_lines)
 
 
 def test_a_doubtful_contact_has_less_confidence_than_a_clear_one() -> None:
     """Two cameras and two fingers: the crossings of the other pairing fit almost as well."""
     discs = [(120.0, 180.0, 6.0), (230.0, 182.0, 6.0)]
-    doubtful = crossing().cross(bearings_of(discs, ("C1", "C2")))
-    clear = crossing().cross(bearings_of(discs))
+    doubtful = crossing()(bearings_of(discs, ("C1", "C2")))
+    clear = crossing()(bearings_of(discs))
     assert max(c.confidence for c in doubtful) < min(c.confidence for c in clear)

@@ -24,7 +24,7 @@ def crossing() -> Crossing:
 
 
 def assert_sound(directing_lines: list[DirectingLines]) -> None:
-    for contact in crossing().cross(directing_lines):
+    for contact in crossing().cross(directing_lines).contacts:
         assert 0.0 <= contact.x_mm <= SURFACE_MM[0]
         assert 0.0 <= contact.y_mm <= SURFACE_MM[1]
         assert 0.0 <= contact.confidence <= 1.0

@@ -11,7 +11,7 @@ from cornertouchd.calibration.calibration import Calibration, CameraCalibration,
 from cornertouchd.calibration.drift import Drift, DriftWatch
 from cornertouchd.calibration.error_map import ErrorMap
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
-from cornertouchd.model import Contact, FrameSet, Observation, PictureFormat, Shadow, Touch
+from cornertouchd.model import Contact, FrameSet, Observation, PictureFormat, Shadow, Shadows, Touch
 
 SURFACE_MM = (350.0, 400.0)
 WIDTH_PX = 640
@@ -94,7 +94,7 @@ class Bench:
                 camera,
                 self.touches,
                 at_s + late_s * (camera == "C3"),
-                (self.shadow(camera, x_mm, y_mm), *others),
+                Shadows.of([self.shadow(camera, x_mm, y_mm), *others]),
             )
             for camera in self.cameras
         )
@@ -240,7 +240,7 @@ def test_pictures_taken_one_after_the_other_while_a_finger_flies_decide_nothing(
 def test_several_touches_at_a_time_decide_nothing() -> None:
     bench = Bench()
     seen = tuple(
-        Observation(camera, 0, 1.0, (bench.shadow(camera, 100, 100),)) for camera in bench.cameras
+        Observation(camera, 0, 1.0, Shadows.of([bench.shadow(camera, 100, 100)])) for camera in bench.cameras
     )
     contacts = tuple(Contact(x, 100.0, 10.0, bench.cameras, 1.0, 0.1) for x in (100.0, 200.0))
     touches = tuple(Touch(n, 100.0 * n, 100.0, 0.0, 0.0, 0.1) for n in (1, 2))

@@ -9,7 +9,7 @@ import pytest
 from cornertouchd.calibration.drift import Drift
 from cornertouchd.config import PairingSettings
 from cornertouchd.fusion.pairing import FrameSetPairing
-from cornertouchd.model import Contact, FrameSet, Observation, Touch, TouchFrame
+from cornertouchd.model import Contact, FrameSet, Observation, Shadows, Touch, TouchFrame
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.fusing import FusionCounts, FusionThread
 from cornertouchd.runtime.latest import Latest
@@ -58,13 +58,10 @@ class StubSurface:
         self.resets = 0
         self.drift: Drift | None = None
 
-    def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
+    def follow(self, frame_set: FrameSet) -> tuple[tuple[Contact, ...], tuple[Touch, ...]]:
         if self.broken:
             raise ZeroDivisionError("a stage's bug")
-        return ()
-
-    def follow(self, frame_set: FrameSet, contacts: tuple[Contact, ...]) -> tuple[Touch, ...]:
-        return (Touch(1, 10.0, 20.0, 0.0, 0.0, 0.0),)
+        return (), (Touch(1, 10.0, 20.0, 0.0, 0.0, 0.0),)
 
     def find_drift(self, *_: object) -> Drift | None:
         if self.drift_broken:
@@ -103,7 +100,7 @@ class Bench:
     def see(self, captured_at_s: float, cameras: tuple[str, ...] = CAMERAS) -> None:
         """Put what the cameras saw at a time."""
         for camera in cameras:
-            self.box.put(camera, Observation(camera, 0, captured_at_s, ()))
+            self.box.put(camera, Observation(camera, 0, captured_at_s, Shadows.of(())))
 
 
 @pytest.fixture

@@ -105,7 +105,7 @@ def test_the_suggested_t1_finds_a_finger_and_nothing_else() -> None:
     t1 = measure(EMPTY).suggested_t1
     assert t1 is not None
     finder = PaperFinder(find_strip(EMPTY.mean(axis=0)), 64, PaperVisionSettings(t1=t1))
-    assert [finder.find(picture) for picture in EMPTY] == [()] * len(EMPTY)
+    assert not any(len(finder.find(picture)) for picture in EMPTY)
     for x_mm in (60.0, 200.0, 290.0):
         assert len(finder.find(RIG.render(CAMERA, 9, [Finger(x_mm, 180.0)]))) == 1
 
@@ -161,7 +161,7 @@ def test_path_traced_dim_leds_are_listed_and_cast_no_shadow(whole_recordings: Pa
         found = [(run.first_px, run.last_px) for run in statistics.dim_runs]
         assert np.abs(np.subtract(found, LONE_LEDS[camera])).max() <= 2
         finder = make_finder(strip, empty, VisionSettings())
-        assert [finder.find(picture) for picture in pictures] == [()] * len(pictures)
+        assert not any(len(finder.find(picture)) for picture in pictures)
 
 
 def test_a_shadow_on_a_dead_led_stays_one() -> None:

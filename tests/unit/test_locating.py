@@ -1,15 +1,18 @@
 """Column -> directing line, by both methods."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
-from cornertouchd.locating.camera_model import lay_shadows
+from cornertouchd.locating.camera_model import CameraModel
 from cornertouchd.locating.columns import columns_of_places
+from cornertouchd.locating.line_table import tabulate
 from cornertouchd.locating.vanishing_point import DegeneratePointsError, solve_projection
-from cornertouchd.model import FloatArray, Shadow
+from cornertouchd.model import DirectingLines, FloatArray, Shadow, Shadows
 
 GRID = np.stack(np.meshgrid(np.linspace(30, 320, 4), np.linspace(30, 370, 4)), axis=-1).reshape(
     -1, 2
@@ -70,10 +73,14 @@ def test_slopes_are_the_derivatives_of_angles(column: float) -> None:
         assert slope == pytest.approx((b - a) / 0.02, rel=1e-4)
 
 
+def laid(shadows: Iterable[Shadow], model: CameraModel) -> DirectingLines:
+    return tabulate("C1", model, 640).lay(Shadows.of(shadows), 0.1)
+
+
 def test_shadows_are_laid_on_the_surface_in_order_of_angle() -> None:
     shadows = (Shadow(100, 110, True, True, 1.0), Shadow(300, 320, True, False, 1.0))
     model = AnglePolynomial((1.0, 2.0), (0.8, 0.9), 640)
-    directing_lines = lay_shadows("C1", shadows, model, 0.1)
+    directing_lines = laid(shadows, model)
     assert (directing_lines.x_mm, directing_lines.y_mm) == (1.0, 2.0)
     assert directing_lines.first_rad == pytest.approx(model.angles_rad(np.array([100.0, 300.0])))
     assert directing_lines.last_rad == pytest.approx(model.angles_rad(np.array([110.0, 320.0])))
@@ -83,7 +90,7 @@ def test_shadows_are_laid_on_the_surface_in_order_of_angle() -> None:
 
 def test_a_camera_that_hangs_upside_down_sees_the_same() -> None:
     shadows = (Shadow(100, 110, True, True, 1.0), Shadow(300, 320, True, False, 1.0))
-    directing_lines = lay_shadows("C1", shadows, AnglePolynomial((0, 0), (0.8, -0.9), 640), 0.1)
+    directing_lines = laid(shadows, AnglePolynomial((0, 0), (0.8, -0.9), 640))
     assert (directing_lines.first_rad < directing_lines.last_rad).all()
     assert (np.diff(directing_lines.first_rad) > 0).all()
     assert directing_lines.first_valid.tolist() == [False, True]
@@ -91,7 +98,7 @@ def test_a_camera_that_hangs_upside_down_sees_the_same() -> None:
 
 
 def test_no_shadows_make_empty_bearings() -> None:
-    directing_lines = lay_shadows("C1", (), AnglePolynomial((0, 0), (0.8, 0.9), 640), 0.1)
+    directing_lines = laid((), AnglePolynomial((0, 0), (0.8, 0.9), 640))
     assert len(directing_lines.first_rad) == len(directing_lines.sigma_rad) == 0
 
 

@@ -1,5 +1,6 @@
 """The paper's lookup table: right at its points, straight between them, silent elsewhere."""
 
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -9,9 +10,10 @@ from hypothesis import strategies as st
 
 from cornertouchd.config import CrossingSettings
 from cornertouchd.fusion.crossing import make_crossing
-from cornertouchd.locating.camera_model import lay_shadows
+from cornertouchd.locating.camera_model import CameraModel
+from cornertouchd.locating.line_table import tabulate
 from cornertouchd.locating.lookup_table import LookupTable
-from cornertouchd.model import Contact, FloatArray, Shadow
+from cornertouchd.model import Contact, DirectingLines, FloatArray, Shadow, Shadows
 
 SURFACE_MM = (350.0, 400.0)
 POSITIONS_MM = {"C1": (-6.0, -5.0), "C2": (355.0, -6.0), "C3": (356.0, 405.0), "C4": (-5.0, 406.0)}
@@ -145,11 +147,15 @@ def test_whatever_the_columns_are_answers_lie_between_seen_neighbours(
             assert any(10.0 * i - 1e-6 <= height <= 10.0 * i + 10.0 + 1e-6 for i in between)
 
 
+def laid(shadows: Iterable[Shadow], model: CameraModel) -> DirectingLines:
+    return tabulate("C1", model, 640).lay(Shadows.of(shadows), 0.1)
+
+
 def test_an_edge_beyond_the_table_is_not_valid_and_bounds_nothing() -> None:
     model = table()
     last = max(model.columns_px)
     beyond = Shadow(last - 10.0, last + 30.0, True, True, 1.0)
-    lines = lay_shadows("C1", (beyond,), model, 0.1)
+    lines = laid((beyond,), model)
     assert (lines.first_valid.tolist(), lines.last_valid.tolist()) == ([True], [False])
     assert lines.first_rad == pytest.approx(model.angles_rad(np.array([last - 10.0])))
     assert lines.last_rad == pytest.approx(model.angles_rad(np.array([last])), abs=0.003)
@@ -161,15 +167,15 @@ def test_a_shadow_without_a_line_is_left_out() -> None:
     model = table(unseen=slice(40, 50))
     inside = Shadow(model.columns_px[39] + 0.5, model.columns_px[50] - 0.5, True, True, 1.0)
     seen = Shadow(100.0, 120.0, True, True, 1.0)
-    lines = lay_shadows("C1", (seen, inside), model, 0.1)
+    lines = laid((seen, inside), model)
     assert lines.first_rad == pytest.approx(model.angles_rad(np.array([100.0])))
-    assert len(lay_shadows("C1", (inside,), model, 0.1).sigma_rad) == 0
+    assert len(laid((inside,), model).sigma_rad) == 0
 
 
 def test_a_shadow_across_a_gap_keeps_both_its_edges() -> None:
     model = table(unseen=slice(40, 42))
     left, right = model.columns_px[38], model.columns_px[43]
-    lines = lay_shadows("C1", (Shadow(left, right, True, True, 1.0),), model, 0.1)
+    lines = laid((Shadow(left, right, True, True, 1.0),), model)
     assert (lines.first_valid & lines.last_valid).all()
     mean_slope = (lines.last_rad - lines.first_rad) / (right - left)
     assert lines.sigma_rad == pytest.approx(0.1 * mean_slope)
@@ -179,16 +185,17 @@ def contacts_of(
     place_mm: tuple[float, float], models: dict[str, LookupTable], crossing: str
 ) -> tuple[Contact, ...]:
     """Contacts of a finger of 10 mm."""
-    laid = []
+    lines = []
     for camera, model in models.items():
         away = np.array(place_mm) - POSITIONS_MM[camera]
         half = np.arcsin(5.0 / np.hypot(*away))
         turn = np.array([[np.cos(half), -np.sin(half)], [np.sin(half), np.cos(half)]])
         edges = np.stack([away @ turn, away @ turn.T]) + POSITIONS_MM[camera]
         left, right = columns_of(camera, edges).tolist()
-        laid.append(lay_shadows(camera, (Shadow(left, right, True, True, 1.0),), model, 0.1))
+        shadow = Shadow(left, right, True, True, 1.0)
+        lines.append(tabulate(camera, model, 640).lay(Shadows.of([shadow]), 0.1))
     settings = CrossingSettings.model_validate({"method": crossing})
-    return make_crossing(settings, SURFACE_MM).cross(laid)
+    return make_crossing(settings, SURFACE_MM).cross(lines).contacts
 
 
 @pytest.mark.parametrize("crossing", ["default", "paper"])

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from cornertouchd.config import PairingSettings
 from cornertouchd.fusion.pairing import FrameSetPairing
-from cornertouchd.model import FrameSet, Observation
+from cornertouchd.model import FrameSet, Observation, Shadows
 
 CAMERAS = ("C1", "C2", "C3", "C4")
 TOLERANCE_S = 0.004
@@ -21,7 +21,7 @@ def pairing() -> FrameSetPairing:
 
 
 def seen(camera: str, captured_at_s: float, sequence: int = 0) -> Observation:
-    return Observation(camera, sequence, captured_at_s, shadows=())
+    return Observation(camera, sequence, captured_at_s, shadows=Shadows.of(()))
 
 
 def cameras_of(frame_set: FrameSet) -> tuple[str, ...]:

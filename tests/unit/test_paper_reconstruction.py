@@ -43,7 +43,7 @@ def lines_to(
 def cross(lines: list[DirectingLines], th1_mm: float = 12.0) -> tuple[Contact, ...]:
     paper = PaperCrossingSettings(th1_mm=th1_mm)
     settings = CrossingSettings(method="paper", paper=paper)
-    return make_crossing(settings, SURFACE_MM, reconstructed=True).cross(lines)
+    return make_crossing(settings, SURFACE_MM, reconstructed=True).cross(lines).contacts
 
 
 def pairwise(lines: list[DirectingLines], a: str, b: str) -> np.ndarray:

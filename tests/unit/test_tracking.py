@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cornertouchd.config import TrackingSettings
+from cornertouchd.fusion.crossed import Crossed
 from cornertouchd.fusion.tracking import Tracker
 from cornertouchd.model import Contact, Touch
 
@@ -19,12 +20,17 @@ def at(x_mm: float, y_mm: float, confidence: float = 1.0, sigma_mm: float = 0.1)
     return Contact(x_mm, y_mm, 12.0, ("C1", "C2", "C3"), confidence, sigma_mm)
 
 
+def update(tracker: Tracker, now_s: float, contacts: Sequence[Contact]) -> tuple[Touch, ...]:
+    supports = np.array([6.0 * contact.confidence for contact in contacts])
+    return tracker.update(now_s, Crossed.unsupported(tuple(contacts), supports))
+
+
 def follow(
     tracker: Tracker, frame_sets: Iterable[Sequence[Contact]], since_s: float = 100.0
 ) -> list[tuple[Touch, ...]]:
     """Return the touches of frame sets that come one period after the other."""
     return [
-        tracker.update(since_s + number * PERIOD_S, contacts)
+        update(tracker, since_s + number * PERIOD_S, contacts)
         for number, contacts in enumerate(frame_sets)
     ]
 
@@ -39,7 +45,7 @@ def tracker() -> Tracker:
 
 
 def test_the_first_report_is_the_measurement(tracker: Tracker) -> None:
-    (touch,) = tracker.update(100.0, [at(31.7, 88.3)])
+    (touch,) = update(tracker, 100.0, [at(31.7, 88.3)])
     assert touch == Touch(id=1, x_mm=31.7, y_mm=88.3, vx_mm_s=0.0, vy_mm_s=0.0, age_s=0.0)
 
 
@@ -174,17 +180,17 @@ def test_ids_are_never_used_again(tracker: Tracker) -> None:
 
 
 def test_a_reset_lifts_everything(tracker: Tracker) -> None:
-    tracker.update(100.0, [at(60.0, 60.0)])
+    update(tracker, 100.0, [at(60.0, 60.0)])
     tracker.reset()
-    assert tracker.update(100.01, []) == ()
+    assert update(tracker, 100.01, []) == ()
 
 
 @pytest.mark.parametrize("then_s", [100.0, 99.0, 0.0, 110.0, 1e9])
 def test_time_that_does_not_advance_or_leaps_lifts_and_begins_anew(
     tracker: Tracker, then_s: float
 ) -> None:
-    tracker.update(100.0, [at(60.0, 60.0)])
-    (touch,) = tracker.update(then_s, [at(60.0, 60.0)])
+    update(tracker, 100.0, [at(60.0, 60.0)])
+    (touch,) = update(tracker, then_s, [at(60.0, 60.0)])
     assert touch == Touch(id=2, x_mm=60.0, y_mm=60.0, vx_mm_s=0.0, vy_mm_s=0.0, age_s=0.0)
 
 
@@ -235,7 +241,7 @@ def test_whatever_comes_the_touches_are_sound_and_the_same_again(
         tracker, now_s, reports = Tracker(TrackingSettings()), 100.0, []
         for elapsed_s, contacts in steps:
             now_s += elapsed_s
-            reports.append(tracker.update(now_s, [at(*contact) for contact in contacts]))
+            reports.append(update(tracker, now_s, [at(*contact) for contact in contacts]))
         return reports
 
     reports = run()

@@ -1,0 +1,87 @@
+"""Compile hot functions to machine code, once for each machine; `numba` does the work.
+
+What is compiled is kept in a cache directory where a service may write.  It is kept apart for
+every state of the sources, because numba itself does not see that a function in another file has
+changed.
+"""
+
+import hashlib
+import logging
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar, cast
+
+import numba
+from numba.core import event
+
+from cornertouchd.places import cache_directory
+
+F = TypeVar("F", bound=Callable[..., object])
+
+_log = logging.getLogger("cornertouchd")
+
+
+def compiled(signature: str) -> Callable[[F], F]:
+    """Compile a function for arguments of these types when its module is imported.
+
+    It runs without the interpreter's lock, and divides by zero as numpy does.
+    """
+
+    def compile_now(function: F) -> F:
+        make = numba.njit(signature, cache=True, nogil=True, error_model="numpy")
+        return cast("F", make(function))
+
+    return compile_now
+
+
+def inlined(function: F) -> F:
+    """Make a function callable from compiled ones; it is compiled as a part of them."""
+    return cast("F", numba.njit(nogil=True, error_model="numpy")(function))
+
+
+class _Announcement(event.Listener):
+    """Says once that functions are being compiled: the first start takes its time."""
+
+    def __init__(self) -> None:
+        self._made = False
+
+    def on_start(self, _event: event.Event) -> None:
+        """Say it when the first function is compiled, not when it comes from the cache."""
+        if not self._made:
+            _log.info("compiling for this machine, only this once; it takes some seconds")
+        self._made = True
+
+    def on_end(self, _event: event.Event) -> None:
+        """Nothing to say."""
+
+
+def _use_cache() -> None:
+    """Tell numba where to keep what it compiles, unless the user has ($NUMBA_CACHE_DIR)."""
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return
+    directory = cache_directory(os.environ) / f"compiled-{_sources_key()}"
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        kept = os.access(directory, os.W_OK)
+    except OSError:
+        kept = False
+    if not kept:
+        _log.warning("%s: cannot be written, so every start compiles anew", directory)
+        directory = Path(tempfile.mkdtemp(prefix="cornertouchd-"))
+    numba.config.CACHE_DIR = str(directory)  # type: ignore[attr-defined]
+
+
+def _sources_key() -> str:
+    """Name the state of the sources that are compiled."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*/*.py")):
+        text = path.read_bytes()
+        if b"cornertouchd.compiling" in text:
+            digest.update(text)
+    return digest.hexdigest()[:12]
+
+
+_use_cache()
+event.register("numba:compile", _Announcement())  # type: ignore[no-untyped-call]
