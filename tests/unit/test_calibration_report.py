@@ -6,6 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from oracle.nearest_point import nearest_point_to_lines
 from rich.console import Console, RenderableType
 
 from cornertouchd.calibration.calibration import Calibration, CameraCalibration, Model
@@ -25,7 +26,6 @@ from cornertouchd.cli.calibration_report import (
     residual_table,
     tap_table,
 )
-from cornertouchd.geometry import nearest_point_to_lines
 from cornertouchd.guiding.checking import check_camera
 from cornertouchd.guiding.light_statistics import measure_light_statistics
 from cornertouchd.locating.angle_polynomial import AnglePolynomial

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from oracle.nearest_point import nearest_point_to_lines
 
 from cornertouchd.calibration.error_map import ErrorMap, map_from_covariance, map_from_line_sigmas
 from cornertouchd.calibration.joint_fit import (
@@ -11,7 +12,6 @@ from cornertouchd.calibration.joint_fit import (
     TouchColumns,
     fit_jointly,
 )
-from cornertouchd.geometry import nearest_point_to_lines
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.model import FloatArray
 

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from oracle.nearest_point import nearest_point_to_lines
 
 from cornertouchd.geometry import (
     angles_and_distances,
     distances_to_lines,
     half_angles_of_discs,
     line_crossings,
-    nearest_point_to_lines,
     nearest_points_to_lines,
     normals,
     unit_vectors,

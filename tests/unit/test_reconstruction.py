@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from oracle.nearest_point import nearest_point_to_lines
 
 from cornertouchd.calibration.board_sights import BoardSight, find_boards
 from cornertouchd.calibration.boards import BoardPlan
@@ -17,7 +18,6 @@ from cornertouchd.calibration.joint_fit import TouchColumns
 from cornertouchd.calibration.lenses import fit_lens, undistorted
 from cornertouchd.calibration.reconstruction import fit_reconstruction
 from cornertouchd.config import VisionSettings
-from cornertouchd.geometry import nearest_point_to_lines
 from cornertouchd.locating.reconstruction import BoardLens, Reconstruction
 from cornertouchd.model import FloatArray, PictureFormat
 from cornertouchd.simulation.boards import BoardPose, BoardShow, board_poses
