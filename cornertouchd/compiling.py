@@ -8,7 +8,9 @@ changed.
 import hashlib
 import logging
 import os
+import shutil
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar, cast
@@ -17,6 +19,9 @@ import numba
 from numba.core import event
 
 from cornertouchd.places import cache_directory
+
+KEPT_S = 30 * 24 * 3600.0
+"""What another version has compiled is kept for so long."""
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -63,6 +68,8 @@ def _use_cache() -> None:
         return
     directory = cache_directory(os.environ) / f"compiled-{_sources_key()}"
     try:
+        if not directory.exists():
+            _drop_outdated(directory.parent)
         directory.mkdir(parents=True, exist_ok=True)
         kept = os.access(directory, os.W_OK)
     except OSError:
@@ -71,6 +78,13 @@ def _use_cache() -> None:
         _log.warning("%s: cannot be written, so every start compiles anew", directory)
         directory = Path(tempfile.mkdtemp(prefix="cornertouchd-"))
     numba.config.CACHE_DIR = str(directory)  # type: ignore[attr-defined]
+
+
+def _drop_outdated(directory: Path) -> None:
+    """Delete what other versions compiled long ago; a version that is still used compiles anew."""
+    for other in directory.glob("compiled-*"):
+        if time.time() - other.stat().st_mtime > KEPT_S:
+            shutil.rmtree(other, ignore_errors=True)
 
 
 def _sources_key() -> str:

@@ -55,10 +55,11 @@ def demo(
         tuio=TuioSettings(destinations=(DestinationSettings(host=host, port=port),)),
     )
     clock = MonotonicClock()
+    ports = make_ports(settings, clock)  # its pictures get ready while the rig is calibrated
     calibration = find_calibration(settings, os.environ)
     with StopSignal() as stop:
         sink = make_tuio_sink(settings, calibration.surface_mm, "demo")
-        daemon = Daemon(make_ports(settings, clock), calibration, [sink], settings, clock)
+        daemon = Daemon(ports, calibration, [sink], settings, clock)
         click.echo(
             f"TUIO to {host}:{port}; see it with `cornertouchd listen`; Ctrl-C ends", err=True
         )

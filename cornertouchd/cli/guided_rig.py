@@ -17,10 +17,10 @@ from cornertouchd.guiding.status import Status
 from cornertouchd.ports import CameraPort
 from cornertouchd.runtime.assembly import make_ports
 from cornertouchd.runtime.clock import MonotonicClock
-from cornertouchd.runtime.simulated_rig import make_rig
 from cornertouchd.simulation.board_holder import BoardHolder
 from cornertouchd.simulation.camera import painted_ports, rig_ports
 from cornertouchd.simulation.hand import Hand, Person
+from cornertouchd.simulation.show import make_rig
 
 SIMULATED_RATE_HZ = 50.0
 """Half the usual rate: one processor then paints and looks with time to spare."""

@@ -15,9 +15,10 @@ from cornertouchd.devices.udp import UdpTuioSink, local_address
 from cornertouchd.model import PictureFormat
 from cornertouchd.places import state_directory
 from cornertouchd.ports import CameraPort, Clock
-from cornertouchd.runtime.simulated_rig import calibrated_rig, make_rig, make_show
+from cornertouchd.runtime.simulated_rig import calibrated_rig
 from cornertouchd.simulation.camera import painted_ports
 from cornertouchd.simulation.painting import PaintingProcess
+from cornertouchd.simulation.show import make_rig, make_show
 from cornertouchd.wire.mapping import DisplayMapping
 from cornertouchd.wire.tuio import default_source_name, seed_at
 

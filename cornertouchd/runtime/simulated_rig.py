@@ -20,13 +20,9 @@ from cornertouchd.places import cache_directory
 from cornertouchd.runtime.stamping import stamp_now
 from cornertouchd.simulation.fingers import Finger
 from cornertouchd.simulation.rig import SimulatedRig
-from cornertouchd.simulation.scripts import (
-    Script,
-    demo_script,
-    scribble,
-)
+from cornertouchd.simulation.scripts import scribble
+from cornertouchd.simulation.show import make_rig
 
-ROWS_PX = 64
 EMPTY_SETS = 16
 SCRIBBLE_TOUCHES = 120
 TAP_DIAMETER_MM = 8.0
@@ -40,25 +36,6 @@ SAME_PICTURE_GREY = 3.0
 """Mean difference of two pictures of the same rig stays under this: twice the noise."""
 
 _log = logging.getLogger("cornertouchd")
-
-
-def make_rig(settings: Settings, rows_px: int = ROWS_PX) -> SimulatedRig:
-    """Return the simulated rig that the settings describe, with pictures of so many rows."""
-    surface_mm = (settings.surface.width_mm, settings.surface.height_mm)
-    return SimulatedRig(
-        surface_mm,
-        width_px=settings.cameras.width_px,
-        height_px=settings.cameras.height_px,
-        rows_px=rows_px,
-        seed=settings.simulation.seed,
-    )
-
-
-def make_show(settings: Settings) -> tuple[SimulatedRig, Script]:
-    """Return the simulated rig, and the fingers that move on it."""
-    rig = make_rig(settings)
-    fingers = settings.simulation.touches
-    return rig, demo_script(rig.surface_mm, fingers, settings.simulation.seed)
 
 
 def calibrated_rig(settings: Settings, environ: Mapping[str, str]) -> Calibration:

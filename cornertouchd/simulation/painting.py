@@ -38,7 +38,8 @@ class PaintingProcess:
     """Paints on demand; every camera may ask from a thread of its own.
 
     `make` returns the rig and the script; it is called in the process, so it must be picklable.
-    Returns when the rig is made.  The process ends with the one that started it, however that ends.
+    The first picture waits for the rig to be made.  The process ends with the one that started it,
+    however that ends.
     """
 
     def __init__(
@@ -51,13 +52,11 @@ class PaintingProcess:
         pipes = {camera: context.Pipe() for camera in formats}
         self._asking = {camera: ours for camera, (ours, _) in pipes.items()}
         theirs = [(camera, end) for camera, (_, end) in pipes.items()]
+        self._ready: set[str] = set()
         self._process = context.Process(target=_serve, args=(make, theirs), daemon=True)
         self._process.start()
         for _, end in theirs:
             end.close()
-        for camera, asking in self._asking.items():
-            if not asking.poll(PATIENCE_S) or asking.recv_bytes() != READY:
-                raise CameraError(camera, "the simulation does not start")
 
     def end(self) -> None:
         """End the process; the cameras are lost then."""
@@ -70,6 +69,7 @@ class PaintingProcess:
 
         def paint(index: int, script_s: float) -> Picture:
             try:
+                self._wait_until_ready(camera_id)
                 asking.send((index, script_s))
                 if not asking.poll(PATIENCE_S):
                     raise CameraError(camera_id, "the simulation does not answer")
@@ -80,6 +80,14 @@ class PaintingProcess:
 
         return paint
 
+    def _wait_until_ready(self, camera_id: str) -> None:
+        if camera_id in self._ready:
+            return
+        asking = self._asking[camera_id]
+        if not asking.poll(PATIENCE_S) or asking.recv_bytes() != READY:
+            raise CameraError(camera_id, "the simulation does not start")
+        self._ready.add(camera_id)
+
 
 def _serve(
     make: Callable[[], tuple[SimulatedRig, Script]], cameras: Sequence[tuple[str, Connection]]
@@ -88,7 +96,8 @@ def _serve(
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the daemon, whose end is ours
     rig, script = make()
     paints = {connection: painter(rig, script, camera) for camera, connection in cameras}
-    for connection in paints:
+    for connection, paint in paints.items():
+        paint(0, 0.0)  # the first one makes what all others need
         connection.send_bytes(READY)
     while paints:
         ready = wait(list(paints))

@@ -1,7 +1,9 @@
 """A simulated rig: corner cameras around a lit surface, their pictures, and the truth."""
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil, hypot, pi, radians
 from types import MappingProxyType
 
@@ -109,16 +111,8 @@ class SimulatedRig:
             camera.id: _cropped(camera, border, width_px, height_px, rows_px) for camera in mounted
         }
         self._numbers = {camera.id: number for number, camera in enumerate(mounted)}
-        self._empty = {
-            camera.id: _empty_light(camera, self.formats[camera.id], border, rng)
-            for camera in mounted
-        }
-        self._silhouettes = {
-            camera.id: Silhouettes(
-                camera, self.formats[camera.id], self._empty[camera.id], top_mm, BLUR_PX
-            )
-            for camera in mounted
-        }
+        self._border = border
+        self._rng = rng
         self._noise = SensorNoise(seed) if noise else None
 
     def light(self, camera_id: str, fingers: Sequence[Finger] = ()) -> Light:
@@ -126,6 +120,24 @@ class SimulatedRig:
         light = self._empty[camera_id].copy()
         self._silhouettes[camera_id].shade(light, fingers)
         return light
+
+    @cached_property
+    def _empty(self) -> Mapping[str, Light]:
+        """What the cameras see of the empty surface; made when the first picture is asked for."""
+        rng = copy.deepcopy(self._rng)  # two threads that both make it make the same
+        return {
+            id_: _empty_light(camera, self.formats[id_], self._border, rng)
+            for id_, camera in self.truth.cameras.items()
+        }
+
+    @cached_property
+    def _silhouettes(self) -> Mapping[str, Silhouettes]:
+        return {
+            id_: Silhouettes(
+                camera, self.formats[id_], self._empty[id_], self._border.top_mm, BLUR_PX
+            )
+            for id_, camera in self.truth.cameras.items()
+        }
 
     def expose(self, camera_id: str, index: int, light: Light) -> Picture:
         """Return picture `index` of a camera when this light falls on it."""

@@ -7,8 +7,8 @@ import pytest
 
 from cornertouchd.config import CamerasSettings, Settings, SimulationSettings
 from cornertouchd.ports import CameraError
-from cornertouchd.runtime.simulated_rig import make_show
 from cornertouchd.simulation.painting import PaintingProcess, painter
+from cornertouchd.simulation.show import make_show
 
 SETTINGS = Settings(
     cameras=CamerasSettings(source="simulated"), simulation=SimulationSettings(seed=3, touches=2)
