@@ -15,7 +15,7 @@ from cornertouchd.config import PairingSettings
 from cornertouchd.model import FrameSet, Observation
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PairingCounts:
     """What pairing has done since it was made; the numbers only grow.
 
@@ -31,7 +31,7 @@ class PairingCounts:
     restarts: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _OpenSet:
     """Observations of one instant, by camera, and when the first of them arrived."""
 
@@ -40,17 +40,18 @@ class _OpenSet:
     ends_at_s: float
     arrived_at_s: float
 
-    def with_one_more(self, observation: Observation) -> "_OpenSet":
-        return replace(
-            self,
-            observations={**self.observations, observation.camera: observation},
-            begins_at_s=min(self.begins_at_s, observation.captured_at_s),
-            ends_at_s=max(self.ends_at_s, observation.captured_at_s),
-        )
+    def length_with_s(self, time_s: float) -> float:
+        """Return how long the set would be with an observation of this time."""
+        return max(self.ends_at_s, time_s) - min(self.begins_at_s, time_s)
 
-    @property
-    def length_s(self) -> float:
-        return self.ends_at_s - self.begins_at_s
+    def grows_s(self, time_s: float) -> float:
+        """Return by how much an observation of this time would make it longer."""
+        return self.length_with_s(time_s) - (self.ends_at_s - self.begins_at_s)
+
+    def add(self, observation: Observation) -> None:
+        self.observations[observation.camera] = observation
+        self.begins_at_s = min(self.begins_at_s, observation.captured_at_s)
+        self.ends_at_s = max(self.ends_at_s, observation.captured_at_s)
 
 
 def frame_set_of(observations: Iterable[Observation]) -> FrameSet:
@@ -81,7 +82,7 @@ class FrameSetPairing:
     @property
     def counts(self) -> PairingCounts:
         """What has been done so far."""
-        return self._counts
+        return replace(self._counts)
 
     @property
     def next_due_at_s(self) -> float | None:
@@ -101,7 +102,7 @@ class FrameSetPairing:
 
     def reset(self) -> None:
         """Drop what waits and forget all times; the counts and the live cameras stay."""
-        self._count(dropped_observations=sum(len(waiting.observations) for waiting in self._open))
+        self._counts.dropped_observations += sum(len(one.observations) for one in self._open)
         self._forget()
 
     def add(self, observation: Observation, now_s: float) -> list[FrameSet]:
@@ -112,14 +113,14 @@ class FrameSetPairing:
         """
         self._require_known(observation.camera)
         if not self._is_news(observation):
-            self._count(dropped_observations=1)
+            self._counts.dropped_observations += 1
             return self.due(now_s)
         ready = self._restart() if self._jumps_back(observation) else []
         self._take_note_of(observation)
         if self._comes_too_late(observation):
             self._behind.add(observation.camera)
             if not self._behind >= self._live:
-                self._count(dropped_observations=1)
+                self._counts.dropped_observations += 1
                 return ready + self.due(now_s)
             # every camera is behind the last set, so it is that one whose time was wrong
             ready += self._restart()
@@ -147,7 +148,7 @@ class FrameSetPairing:
     def _restart(self) -> list[FrameSet]:
         ready = self._give_out(len(self._open))
         self._forget()
-        self._count(restarts=1)
+        self._counts.restarts += 1
         return ready
 
     def _require_known(self, camera: str) -> None:
@@ -172,7 +173,8 @@ class FrameSetPairing:
         """
         before = self._newest.get(observation.camera)
         if before is not None:
-            self._count(missed_observations=max(observation.sequence - before.sequence - 1, 0))
+            missed = observation.sequence - before.sequence - 1
+            self._counts.missed_observations += max(missed, 0)
         self._newest[observation.camera] = observation
 
     def _comes_too_late(self, observation: Observation) -> bool:
@@ -188,18 +190,17 @@ class FrameSetPairing:
 
     def _put_into_a_set(self, observation: Observation, now_s: float) -> None:
         time_s = observation.captured_at_s
-        stretched = {
-            number: waiting.with_one_more(observation)
-            for number, waiting in enumerate(self._open)
+        fitting = [
+            waiting
+            for waiting in self._open
             if observation.camera not in waiting.observations
-        }
-        fitting = [n for n, larger in stretched.items() if larger.length_s <= self._tolerance_s]
+            and waiting.length_with_s(time_s) <= self._tolerance_s
+        ]
         if fitting:
-            nearest = min(fitting, key=lambda n: stretched[n].length_s - self._open[n].length_s)
-            self._open[nearest] = stretched[nearest]
+            min(fitting, key=lambda waiting: waiting.grows_s(time_s)).add(observation)
         elif any(waiting.begins_at_s <= time_s <= waiting.ends_at_s for waiting in self._open):
             # a second picture of the instant: the camera is faster than the tolerance can tell
-            self._count(dropped_observations=1)
+            self._counts.dropped_observations += 1
         else:
             self._open.append(_OpenSet({observation.camera: observation}, time_s, time_s, now_s))
             self._open.sort(key=lambda waiting: waiting.begins_at_s)
@@ -219,12 +220,13 @@ class FrameSetPairing:
         closed, self._open = self._open[:number], self._open[number:]
         if len(self._cameras) > 1:
             # One camera locates nothing, and one whose clock is ahead must not outdate the others.
-            self._count(dropped_observations=sum(len(one.observations) == 1 for one in closed))
+            self._counts.dropped_observations += sum(len(one.observations) == 1 for one in closed)
             closed = [waiting for waiting in closed if len(waiting.observations) > 1]
         if closed:
             self._last_given = closed[-1]
         for waiting in closed:
-            self._count(sets=1, incomplete_sets=int(not self._live <= waiting.observations.keys()))
+            self._counts.sets += 1
+            self._counts.incomplete_sets += not self._live <= waiting.observations.keys()
         return [self._frame_set(waiting) for waiting in closed]
 
     def _frame_set(self, waiting: _OpenSet) -> FrameSet:
@@ -232,10 +234,4 @@ class FrameSetPairing:
             waiting.observations[camera]
             for camera in self._cameras
             if camera in waiting.observations
-        )
-
-    def _count(self, **more: int) -> None:
-        self._counts = replace(
-            self._counts,
-            **{name: getattr(self._counts, name) + number for name, number in more.items()},
         )
