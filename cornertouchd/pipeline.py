@@ -7,19 +7,24 @@ SurfacePipeline, in the fusion thread:    FrameSet -> directing lines -> contact
 from cornertouchd.calibration.calibration import Calibration, CalibrationError, CameraCalibration
 from cornertouchd.calibration.drift import Drift, DriftWatch
 from cornertouchd.config import Settings
+from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.crossing import make_crossing
+from cornertouchd.fusion.dirt import Dirt, DirtWatch
+from cornertouchd.fusion.kinds import KindsOfContacts
+from cornertouchd.fusion.motion import CommonTime
 from cornertouchd.fusion.tracking import Tracker
 from cornertouchd.locating.line_table import tabulate
 from cornertouchd.model import (
     Contact,
-    DirectingLines,
     FloatArray,
     Frame,
     FrameSet,
     Observation,
+    Shadows,
     Touch,
 )
-from cornertouchd.vision.finder import make_finder
+from cornertouchd.vision.background import Background, MaskedColumns
+from cornertouchd.vision.finder import ProfileFinder, make_finder
 from cornertouchd.vision.profile import shows_strip
 from cornertouchd.vision.strip import StripNotFoundError, find_strip
 
@@ -32,7 +37,11 @@ class PictureError(Exception):
 
 
 class CameraPipeline:
-    """One camera: pictures in, shadows out.  Owned by its capture thread."""
+    """One camera: pictures in, shadows out.  Owned by its capture thread.
+
+    `observe` follows how the empty strip changes, `find` keeps nothing.  Both are for pictures with
+    all sides lit.
+    """
 
     def __init__(self, calibration: CameraCalibration, settings: Settings) -> None:
         self._camera = calibration.id
@@ -41,7 +50,8 @@ class CameraPipeline:
             self._strip = find_strip(calibration.empty)
         except StripNotFoundError as error:
             raise CalibrationError(f"camera {calibration.id}: no strip found: {error}") from None
-        self._settings = settings.vision
+        self._settings = settings
+        self._dark_pictures = 0
         self.learn_background(calibration.empty)
 
     def learn_background(self, empty: FloatArray) -> None:
@@ -54,28 +64,68 @@ class CameraPipeline:
                 f"camera {self._camera}: empty pictures of {empty.shape[1]}x{empty.shape[0]} "
                 f"pixels, calibrated with {self._shape[1]}x{self._shape[0]}"
             )
-        if not shows_strip(self._strip, empty, self._settings):
+        vision = self._settings.vision
+        if not shows_strip(self._strip, empty, vision):
             raise CalibrationError(
                 f"camera {self._camera}: the strip is dark in the empty pictures: was the LED "
                 "frame off, or the lens covered? Record them anew"
             )
-        self._finder = make_finder(self._strip, empty, self._settings)
+        self._finder = make_finder(self._strip, empty, vision)
+        self._background: Background | None = None
+        if isinstance(self._finder, ProfileFinder):
+            self._background = Background(self._finder, vision, self._settings.background)
+
+    def find(self, frame: Frame) -> Observation:
+        """Return the shadows in a picture, whatever was before.  Raises `PictureError`."""
+        self._require_size(frame)
+        if isinstance(self._finder, ProfileFinder):
+            return self._believed(frame, self._finder.find_with_hidden(frame.pixels))
+        return self._believed(frame, self._finder.find(frame.pixels))
 
     def observe(self, frame: Frame) -> Observation:
-        """Return the shadows in a picture.  Raises `PictureError`."""
+        """Return the shadows in a picture, and learn from it.  Raises `PictureError`."""
+        if self._background is None:  # the paper's method compares with nothing
+            return self.find(frame)
+        self._require_size(frame)
+        sight = self._background.look(frame.pixels, frame.captured_at_s)
+        observation = self._believed(frame, sight.shadows)
+        self._background.learn(sight)
+        return observation
+
+    def learn_dark(self, frame: Frame) -> None:
+        """Learn the light of the surroundings where no LED was lit.  Raises `PictureError`."""
+        self._require_size(frame)
+        self._dark_pictures += 1
+        if self._background is not None:
+            self._background.learn_dark(frame.pixels, frame.captured_at_s)
+
+    def reset(self) -> None:
+        """Forget what was learned from pictures."""
+        if self._background is not None:
+            self._background.reset()
+
+    @property
+    def masked_columns(self) -> tuple[MaskedColumns, ...]:
+        """Columns that tell nothing now, from left to right.  Any thread may ask."""
+        return () if self._background is None else self._background.masked_columns
+
+    def _require_size(self, frame: Frame) -> None:
         if frame.pixels.shape != self._shape:
             rows, width = frame.pixels.shape[:2]
             raise PictureError(
                 f"picture of {width}x{rows} pixels, calibrated with "
                 f"{self._shape[1]}x{self._shape[0]}"
             )
-        shadows = self._finder.find(frame.pixels)
+
+    def _believed(self, frame: Frame, shadows: Shadows) -> Observation:
         if len(shadows) > MOST_SHADOWS:
             raise PictureError(
                 f"{len(shadows)} shadows in one picture, {MOST_SHADOWS} are believed: "
                 "noise, or the LED frame flickers"
             )
-        return Observation(frame.camera, frame.sequence, frame.captured_at_s, shadows)
+        # dark pictures are not missing: only lit ones are counted
+        number = frame.sequence - self._dark_pictures
+        return Observation(frame.camera, number, frame.captured_at_s, shadows)
 
 
 class SurfacePipeline:
@@ -92,25 +142,44 @@ class SurfacePipeline:
             calibration.surface_mm,
             reconstructed=calibration.method == "reconstruction",
         )
-        self._tracker = Tracker(settings.tracking)
+        self._kinds = (
+            KindsOfContacts(settings.crossing, calibration.surface_mm)
+            if settings.crossing.method == "default"
+            else None  # the paper knows but fingers
+        )
+        self._dirt = DirtWatch(settings.dirt, self._lines.values())
+        self._common_time = CommonTime(
+            settings.motion,
+            {camera.id: camera.format.width_px for camera in calibration.cameras},
+        )
+        self._tracker = Tracker(settings.tracking, calibration.surface_mm)
         self._drift = DriftWatch(calibration)
 
     def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
         """Return what touches the surface in one frame set, whatever was before."""
-        return self._crossing.cross(self._directing_lines(frame_set)).contacts
+        return self._crossed(frame_set, None).contacts
 
     def follow(self, frame_set: FrameSet) -> tuple[tuple[Contact, ...], tuple[Touch, ...]]:
         """Return what touches the surface now, and the touches that it continues or begins."""
-        predictions = self._tracker.predict(frame_set.captured_at_s)
-        crossed = self._crossing.cross(self._directing_lines(frame_set), predictions)
-        return crossed.contacts, self._tracker.update(frame_set.captured_at_s, crossed)
+        now_s = frame_set.captured_at_s
+        seen = self._common_time.carry(self._dirt.set_aside(frame_set))
+        crossed = self._crossed(seen, self._tracker.predict(now_s))
+        self._dirt.learn(frame_set, crossed.contacts)
+        return crossed.contacts, self._tracker.update(now_s, crossed)
 
-    def _directing_lines(self, frame_set: FrameSet) -> list[DirectingLines]:
-        return [
+    def _crossed(self, frame_set: FrameSet, predictions: Predictions | None) -> Crossed:
+        directing_lines = [
             self._lines[seen.camera].lay(seen.shadows, self._edge_sigma_px)
             for seen in frame_set.observations
             if len(seen.shadows)
         ]
+        crossed = self._crossing.cross(directing_lines, predictions)
+        return self._kinds.tell(crossed, directing_lines) if self._kinds else crossed
+
+    @property
+    def dirt(self) -> tuple[Dirt, ...]:
+        """What hangs before the strips at present: the same objects until something changes."""
+        return self._dirt.dirt
 
     def find_drift(
         self, frame_set: FrameSet, contacts: tuple[Contact, ...], touches: tuple[Touch, ...]
@@ -124,5 +193,6 @@ class SurfacePipeline:
         return self._drift.drift
 
     def reset(self) -> None:
-        """Forget all touches; the next ones get new ids."""
+        """Forget all touches; the next ones get new ids.  Dirt stays where it is."""
+        self._common_time.reset()
         self._tracker.reset()

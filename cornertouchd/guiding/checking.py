@@ -51,7 +51,7 @@ AMBIENT = Limits(0.05, 0.15)
 """Stray light in a good picture is .5 % of the strip's, beside a sunlit side 20 % and more."""
 
 FLICKER = Limits(0.03, 0.08)
-"""`vision.profile` evens out 10 % of change; good LEDs and cameras show .5 %."""
+"""`vision.gain` evens it out, but not within one picture; good LEDs and cameras show .5 %."""
 
 BLUR_PX = Limits(1.6, 3.0)
 """Edges are exact to a tenth of their blur, and the settings take .9 px for granted."""

@@ -72,7 +72,7 @@ class Validation:
         return self if self._taps.target is not None else Validated(tuple(self._found))
 
     def _check(self, number: int, frames: Sequence[Frame]) -> CheckedPlace:
-        frame_set = frame_set_of(self._cameras[frame.camera].observe(frame) for frame in frames)
+        frame_set = frame_set_of(self._cameras[frame.camera].find(frame) for frame in frames)
         x_mm, y_mm = self._taps.targets_mm[number].tolist()
         off_mm = min(
             (

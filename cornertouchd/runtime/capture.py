@@ -14,6 +14,7 @@ from cornertouchd.pipeline import CameraPipeline, PictureError
 from cornertouchd.ports import Camera, CameraError, CameraPort
 from cornertouchd.runtime.faults import FaultLog
 from cornertouchd.runtime.latest import Latest
+from cornertouchd.vision.lighting import Lighting, lighting
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +135,14 @@ class CaptureThread:
                     self._faults.fault(f"no picture for {self._settings.read_timeout_s:g} s")
 
     def _observe(self, frame: Frame) -> bool:
+        lit = lighting(frame)
+        if lit is Lighting.PARTLY:
+            self._faults.fault("picture not usable", "only some sides of the frame were lit")
+            return True  # the camera itself is well
         try:
+            if lit is Lighting.DARK:
+                self._pipeline.learn_dark(frame)
+                return True
             observation = self._pipeline.observe(frame)
         except PictureError as error:
             self._faults.fault("picture refused", error)

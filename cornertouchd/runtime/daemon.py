@@ -1,10 +1,12 @@
 """The daemon: one capture thread per camera, one fusion thread, started and stopped together."""
 
+import logging
 from collections.abc import Mapping, Sequence
 
 from cornertouchd.calibration.calibration import Calibration
 from cornertouchd.calibration.drift import Drift
 from cornertouchd.config import Settings
+from cornertouchd.fusion.dirt import Dirt
 from cornertouchd.fusion.pairing import FrameSetPairing
 from cornertouchd.model import Observation
 from cornertouchd.pipeline import CameraPipeline, SurfacePipeline
@@ -12,6 +14,9 @@ from cornertouchd.ports import CameraPort, Clock, TouchSink
 from cornertouchd.runtime.capture import CaptureCounts, CaptureThread
 from cornertouchd.runtime.fusing import FusionCounts, FusionThread
 from cornertouchd.runtime.latest import Latest
+from cornertouchd.vision.background import MaskedColumns
+
+_log = logging.getLogger("cornertouchd")
 
 STOP_S = 0.8
 """Time that all threads together get to end; a driver that blocks longer is left behind."""
@@ -30,10 +35,14 @@ class Daemon:
     ) -> None:
         box: Latest[Observation] = Latest()
         self._captures = []
+        self._pipelines: dict[str, CameraPipeline] = {}
         for port in ports:
             camera = calibration.camera(port.id)
             camera.require_camera(port.format, port.identity)
             pipeline = CameraPipeline(camera, settings)
+            for columns in pipeline.masked_columns:
+                _log.warning("camera %s: %s", port.id, columns)
+            self._pipelines[port.id] = pipeline
             self._captures.append(CaptureThread(port, camera, pipeline, box, settings.cameras))
         self._fusion = FusionThread(
             box,
@@ -74,6 +83,15 @@ class Daemon:
     def drift(self) -> Drift | None:
         """The camera that has moved since it was calibrated, as far as touches tell."""
         return self._fusion.drift
+
+    @property
+    def dirt(self) -> tuple[Dirt, ...]:
+        """What hangs before the strip, so that touches go on without it."""
+        return self._fusion.dirt
+
+    def masked_columns(self) -> Mapping[str, tuple[MaskedColumns, ...]]:
+        """Return the columns of every camera that tell nothing now: dead LEDs, glare."""
+        return {camera: pipeline.masked_columns for camera, pipeline in self._pipelines.items()}
 
     def _live_cameras(self) -> tuple[str, ...]:
         return tuple(capture.camera for capture in self._captures if capture.counts().live)

@@ -8,9 +8,10 @@ from cornertouchd.calibration.observing import mean_pictures
 from cornertouchd.config import Settings
 from cornertouchd.devices.recording import Recording, RecordingError
 from cornertouchd.fusion.pairing import frame_set_of
-from cornertouchd.model import Contact, FloatArray, Frame, FrameSet, Touch
+from cornertouchd.model import Contact, FloatArray, Frame, FrameSet, Observation, Touch
 from cornertouchd.pipeline import CameraPipeline, PictureError, SurfacePipeline
 from cornertouchd.runtime.assembly import require_surface
+from cornertouchd.vision.lighting import Lighting, lighting
 
 Runs = Sequence[tuple[int, int]]
 
@@ -53,6 +54,7 @@ class Replay:
         require_surface(calibration, recording.surface_mm, str(recording.directory))
         self._surface = SurfacePipeline(calibration, settings)
         self.refused_pictures = 0
+        self._touches: tuple[Touch, ...] = ()
         self._backgrounds = self._backgrounds_by_set(empty_runs)
 
     def learn_background(self, empties: Mapping[str, FloatArray]) -> None:
@@ -67,23 +69,33 @@ class Replay:
             if index in self._backgrounds:
                 self.learn_background(self._backgrounds[index])
             frame_set = self._observe(frames)
-            contacts, touches = self._followed(frame_set)
-            yield ReplayedSet(index, frame_set.captured_at_s, contacts, touches)
-
-    def _followed(self, frame_set: FrameSet) -> tuple[tuple[Contact, ...], tuple[Touch, ...]]:
-        if self._independent:
-            return self._surface.cross(frame_set), ()
-        return self._surface.follow(frame_set)
+            contacts: tuple[Contact, ...] = ()
+            if self._independent:
+                contacts = self._surface.cross(frame_set)
+            elif any(lighting(frame) is not Lighting.DARK for frame in frames):
+                contacts, self._touches = self._surface.follow(frame_set)
+            yield ReplayedSet(index, frame_set.captured_at_s, contacts, self._touches)
 
     def _observe(self, frames: Sequence[Frame]) -> FrameSet:
         """Return what the cameras saw; a picture that is refused is counted and left out."""
         seen = []
         for frame in frames:
             try:
-                seen.append(self._cameras[frame.camera].observe(frame))
+                seen += self._observed(frame)
             except PictureError:
                 self.refused_pictures += 1
         return frame_set_of(seen) if seen else FrameSet(frames[0].captured_at_s, ())
+
+    def _observed(self, frame: Frame) -> list[Observation]:
+        """Return what a picture shows; nothing if the LEDs were off.  Raises `PictureError`."""
+        camera, lit = self._cameras[frame.camera], lighting(frame)
+        if lit is Lighting.PARTLY:
+            raise PictureError("only some sides of the frame were lit")
+        if lit is Lighting.LIT:
+            return [camera.find(frame) if self._independent else camera.observe(frame)]
+        if not self._independent:
+            camera.learn_dark(frame)
+        return []
 
     def _backgrounds_by_set(self, runs: Runs) -> dict[int, Mapping[str, FloatArray]]:
         """Return the mean empty pictures of every run, by the frame set where it begins."""

@@ -11,7 +11,7 @@ from cornertouchd.vision.strip import Strip
 
 
 class ShadowFinder(Protocol):
-    """Finds the shadows in pictures of one camera."""
+    """Finds the shadows in pictures of one camera; keeps nothing from one picture to the next."""
 
     def find(self, picture: Picture) -> Shadows:
         """Return the shadows of a picture (rows, width_px) from left to right."""
@@ -22,12 +22,20 @@ class ProfileFinder:
     """The default: sub-pixel edges in the profile at the horizon."""
 
     def __init__(self, strip: Strip, empty: FloatArray, settings: VisionSettings) -> None:
-        self._sampler = ProfileSampler(strip, empty, settings)
+        self.sampler = ProfileSampler(strip, empty, settings)
         self._settings = settings
 
     def find(self, picture: Picture) -> Shadows:
         """Return the shadows of a picture (rows, width_px) from left to right."""
-        return find_shadows(self._sampler.sample(picture), self._settings)
+        profile, reference = self.sampler.sample(picture), self.sampler.reference
+        return find_shadows(profile, self._settings, sunlit=reference.sunlit)
+
+    def find_with_hidden(self, picture: Picture) -> Shadows:
+        """Return them with places where one could be hidden, as `find_shadows` does."""
+        profile, reference = self.sampler.sample(picture), self.sampler.reference
+        return find_shadows(
+            profile, self._settings, sunlit=reference.sunlit, hiding=reference.on_strip
+        )
 
 
 def make_finder(strip: Strip, empty: FloatArray, settings: VisionSettings) -> ShadowFinder:

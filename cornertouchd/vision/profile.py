@@ -1,70 +1,70 @@
-"""Brightness along the strip, from the rows that tell where a finger is.
+"""Brightness along the strip of one picture, measured against the empty strip."""
 
-A finger and its mirror image form an hourglass; a slanted finger is shifted from row to row.  Rays
-in the rows of the horizon run at the height of the camera wherever the finger stands, so all
-cameras cut it at the same height and their shadows agree; rows near the surface line would look
-nearer to the touch, but at a different height for every distance.
-"""
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cornertouchd.compiling import compiled, inlined
 from cornertouchd.config import VisionSettings
 from cornertouchd.model import BoolArray, FloatArray, Picture, Profile
+from cornertouchd.vision.filling import fill_in
+from cornertouchd.vision.gain import most_frequent_brightness
+from cornertouchd.vision.reference import Reference, make_reference
 from cornertouchd.vision.strip import Strip
+from cornertouchd.vision.taps import horizon_taps
 
-HORIZON_SAMPLES = 5
-"""Rows sampled across the horizon band; more change no edge by 0.01 px (rendered pictures)."""
 
-GAIN_RANGE = (0.9, 1.1)
-"""Exposure may differ this much from that of the empty pictures before it counts as light lost."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """What a picture shows: its profile, and the grey levels (width_px,) that it comes from.
 
-DARKEST_SHARE = 0.24
-"""Columns of a dead LED, darker than this share of the strip, tell nothing: the light that a finger
-throws back, a tenth of the strip's, would look like a gap in its shadow (rendered pictures)."""
+    `light` is the mean of a column's pixels, `peak` the brightest; `gain` is how much brighter than
+    the reference the uncovered strip is.
+    """
+
+    profile: Profile
+    light: FloatArray
+    peak: FloatArray
+    gain: float
 
 
 class ProfileSampler:
-    """Samples the profile of one camera's pictures; knows its strip and its empty reference.
+    """Samples profiles of one camera's pictures; knows its strip and its empty reference.
 
     The strip's rows are turned into a few rows and weights per column once; a picture then costs
-    one gather.
+    one pass over them.
     """
 
     def __init__(self, strip: Strip, empty: FloatArray, settings: VisionSettings) -> None:
         """Prepare for pictures of the size of `empty`, the mean of empty pictures (rows, W)."""
-        rows_px, width = empty.shape
-        self._indices, self._weights = _horizon_taps(strip, rows_px, settings.horizon_band)
-        self._dark = strip.dark_level
-        reference = self._sample(empty) - self._dark
-        darkest = DARKEST_SHARE * float(np.median(reference[strip.visible]))
-        self._known = strip.visible & (reference > max(settings.smallest_reference, darkest))
-        self._scale = 1.0 / np.maximum(reference, 1.0)
-        self._columns = np.arange(width)
-        self._known_columns = np.flatnonzero(self._known)
+        self.taps = horizon_taps(strip, len(empty), settings.horizon_band)
+        self.reference = make_reference(strip, self.taps, empty, settings)
+        self._saturated_grey = settings.saturated_grey
 
     @property
     def known(self) -> BoolArray:
-        """Columns in which the strip can be seen, (width_px,)."""
-        return self._known
+        """Columns in which the empty strip can be seen, (width_px,)."""
+        return self.reference.usable
 
     def sample(self, picture: Picture) -> Profile:
         """Return the profile of a picture, in which 1 is the empty strip."""
-        brightness = (self._sample(picture) - self._dark) * self._scale
-        brightness /= self._gain(brightness)
-        known = self._known_columns
-        return Profile(np.interp(self._columns, known, brightness[known]), self._known)
+        return self.measure(picture, self.reference).profile
 
-    def _sample(self, picture: Picture | FloatArray) -> FloatArray:
-        values: FloatArray = np.einsum("kw,kw->w", picture.take(self._indices), self._weights)
-        return values
-
-    def _gain(self, brightness: FloatArray) -> float:
-        """Return how bright the uncovered strip is: the exposure drifts, touches are local."""
-        seen = brightness[self._known_columns]
-        uncovered = seen[seen > 0.8]
-        if len(uncovered) < 20:
-            return 1.0
-        return float(np.clip(np.median(uncovered), *GAIN_RANGE))
+    def measure(self, picture: Picture, reference: Reference, gain_before: float = 1.0) -> Measured:
+        """Measure a picture against any reference; `gain_before` is the gain to be expected."""
+        brightness, known, light, peak, gain = _measure(
+            np.ascontiguousarray(picture),
+            self.taps.first_rows,
+            self.taps.weights,
+            reference.black,
+            reference.scale,
+            reference.usable,
+            reference.clipped,
+            self._saturated_grey,
+            gain_before,
+        )
+        return Measured(Profile(brightness, known), light, peak, gain)
 
 
 def shows_strip(strip: Strip, empty: FloatArray, settings: VisionSettings) -> bool:
@@ -73,20 +73,53 @@ def shows_strip(strip: Strip, empty: FloatArray, settings: VisionSettings) -> bo
     return 2 * int(np.count_nonzero(known)) >= int(np.count_nonzero(strip.visible))
 
 
-def _horizon_taps(strip: Strip, rows_px: int, band: float) -> tuple[np.ndarray, FloatArray]:
-    """Return flat pixel indices and weights, (taps, width_px), that average the horizon band."""
-    width = len(strip.horizon_px)
-    offsets = np.linspace(-band, band, HORIZON_SAMPLES)[:, None]
-    rows = strip.horizon_px + offsets * strip.height_px - 0.5
-    rows = np.clip(rows, 0, rows_px - 1.001)
-    first = np.floor(rows.min(axis=0)).astype(np.intp)
-    taps = int(np.max(np.floor(rows.max(axis=0)) - first)) + 2
-    weights = np.zeros((taps, width))
-    columns = np.arange(width)
-    for row in rows:
-        whole = np.floor(row).astype(np.intp)
-        part = row - whole
-        np.add.at(weights, (whole - first, columns), (1 - part) / HORIZON_SAMPLES)
-        np.add.at(weights, (whole - first + 1, columns), part / HORIZON_SAMPLES)
-    tap_rows = np.minimum(first + np.arange(taps)[:, None], rows_px - 1)
-    return tap_rows * width + columns, weights
+@inlined
+def _sum_taps(
+    picture: Picture,
+    first_rows: NDArray[np.int64],
+    weights: FloatArray,
+    light: FloatArray,
+    peak: FloatArray,
+) -> None:
+    """Add up the weighted mean and the brightest pixel of the taps of each column."""
+    for tap in range(weights.shape[0]):
+        for column in range(weights.shape[1]):
+            weight = weights[tap, column]
+            grey = float(picture[first_rows[column] + tap, column])
+            light[column] += weight * grey
+            peak[column] = max(peak[column], grey if weight > 0.0 else 0.0)
+
+
+@compiled(
+    "Tuple((f8[::1], b1[::1], f8[::1], f8[::1], f8))("
+    "Array(u1, 2, 'C', readonly=True), i8[::1], f8[:,::1], "
+    "f8[::1], f8[::1], b1[::1], b1[::1], f8, f8)"
+)
+def _measure(
+    picture: Picture,
+    first_rows: NDArray[np.int64],
+    weights: FloatArray,
+    black: FloatArray,
+    scale: FloatArray,
+    usable: BoolArray,
+    clipped: BoolArray,
+    saturated_grey: float,
+    gain_before: float,
+) -> tuple[FloatArray, BoolArray, FloatArray, FloatArray, float]:
+    """Return brightness, known columns, light and peak (all (width_px,)) and gain of a picture.
+
+    A column at full scale that is not so without a touch is not known: how bright it is cannot be
+    told.
+    """
+    width = len(black)
+    light, peak = np.zeros(width), np.zeros(width)
+    brightness, known = np.empty(width), np.empty(width, np.bool_)
+    _sum_taps(picture, first_rows, weights, light, peak)
+    for column in range(width):
+        brightness[column] = (light[column] - black[column]) * scale[column]
+        known[column] = usable[column] and (peak[column] < saturated_grey or clipped[column])
+    gain = most_frequent_brightness(brightness, known, gain_before)
+    for column in range(width):
+        brightness[column] *= 1.0 / gain
+    fill_in(brightness, known)
+    return brightness, known, light, peak, gain

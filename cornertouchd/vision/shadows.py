@@ -6,16 +6,22 @@ gap splits them.  Narrow ones: two erf edges fitted to the brightness, which com
 Cramer-Rao bound.
 """
 
-from math import sqrt
+from math import erf, exp, pi, sqrt
 
 import numpy as np
-from scipy.special import erf
 
+from cornertouchd.compiling import compiled, inlined
 from cornertouchd.config import VisionSettings
-from cornertouchd.model import BoolArray, FloatArray, Profile, Shadow, Shadows
+from cornertouchd.model import BoolArray, FloatArray, Profile, Shadows
+from cornertouchd.vision.sunlight import NARROWEST_PX, edge_of_lit_flank, is_glint
 
 NARROW_BLURS = 5.0
 """A shadow narrower than this many blur widths never gets fully dark: its edges overlap."""
+
+SHALLOW_SHARE = 0.7
+"""A narrow shadow is as deep as its width and the blur make it, .87 of that if its middle falls
+between two columns.  What is less deep is a stretch of strip that has become dimmer, unless the sun
+lights a finger up."""
 
 FIT_STEPS = 3
 """Gauss-Newton steps of the erf pair; a fourth moves no edge by 0.001 px."""
@@ -26,118 +32,310 @@ LARGEST_STEP_PX = 0.7
 UNKNOWN_REACH_PX = 2.0
 """An edge this near to a column that tells nothing is not believed."""
 
+FEWEST_COLUMNS = 3
+"""A view of fewer columns has no inside."""
 
-def find_shadows(profile: Profile, settings: VisionSettings) -> Shadows:
-    """Return the shadows of a profile from left to right."""
-    columns = np.flatnonzero(profile.known)
-    if len(columns) < 3:
-        return Shadows.of(())
-    first, last = int(columns[0]), int(columns[-1])
-    brightness = profile.brightness[first : last + 1]
-    shadows = []
-    for start, stop in _runs(brightness < settings.shadow_below):
-        missing = _missing_light_px(brightness, start, stop, settings.dark_share)
-        if missing >= settings.smallest_shadow_px:
-            shadows += _edges_of_run(brightness, start, stop, missing, settings)
-    return Shadows.of(_shadow(profile, first, last, left, right) for left, right in shadows)
+HIDING_PX = 6
+"""So many columns in a row that tell nothing may hide a finger: its shadow is 7.5 px wide at the
+far end of a frame of 350 x 400 mm, and shows beside fewer."""
 
 
-def _runs(below: BoolArray) -> list[tuple[int, int]]:
-    """Return start and stop (exclusive) of every run of True."""
-    steps = np.diff(below.astype(np.int8), prepend=0, append=0)
-    return list(
-        zip(np.flatnonzero(steps > 0).tolist(), np.flatnonzero(steps < 0).tolist(), strict=True)
+def find_shadows(
+    profile: Profile,
+    settings: VisionSettings,
+    *,
+    sunlit: bool = False,
+    hiding: BoolArray | None = None,
+) -> Shadows:
+    """Return the shadows of a profile from left to right.
+
+    `sunlit`: sunlight is to be reckoned with, which lights fingers up.  `hiding` (width_px,) are
+    columns where a shadow would be, if they were known.  If there is a shadow at all, runs of such
+    columns that are not known are given too, without a valid edge and of depth 0: the camera cannot
+    contradict a touch there.
+    """
+    return Shadows(
+        *_find(
+            profile.brightness,
+            profile.known,
+            profile.known[:0] if hiding is None else hiding,
+            sunlit,
+            settings.shadow_below,
+            settings.smallest_shadow_px,
+            settings.edge_level,
+            sqrt(settings.edge_blur_px**2 + 1 / 12),  # a pixel's own width blurs too
+            settings.dark_share,
+        )
     )
 
 
-def _missing_light_px(brightness: FloatArray, start: int, stop: int, dark: float) -> float:
-    """Return the width of a fully dark shadow that takes as much light, columns."""
-    low, high = max(0, start - 2), min(len(brightness), stop + 2)
-    return float(np.sum(1.0 - brightness[low:high]) / (1.0 - dark))
+@inlined
+def _missing_light(brightness: FloatArray, start: int, stop: int) -> tuple[float, float]:
+    """Return how much light a run and its neighbours miss, and the centroid of that, columns.
 
-
-def _edges_of_run(
-    brightness: FloatArray, start: int, stop: int, missing_px: float, settings: VisionSettings
-) -> list[tuple[float, float]]:
-    """Return (left, right) of the shadows in a run of dark columns.
-
-    An edge beyond the profile is given as the profile's border.
+    A glint beside the run cannot push the centroid out of it.
     """
-    edges = _level_crossings(brightness, start, stop, settings.edge_level)
-    blur_px = sqrt(settings.edge_blur_px**2 + 1 / 12)  # a pixel's own width blurs too
-    inside = start >= 2 and stop <= len(brightness) - 2
-    if len(edges) <= 1 and inside and missing_px < NARROW_BLURS * blur_px:
-        return [_erf_pair(brightness, (start, stop), missing_px, blur_px, settings.dark_share)]
-    return edges
+    moment = missing = 0.0
+    for column in range(max(0, start - 2), min(len(brightness), stop + 2)):
+        missing += 1.0 - brightness[column]
+        moment += column * (1.0 - brightness[column])
+    return missing, min(max(moment / missing, float(start)), float(stop - 1))
 
 
+@inlined
 def _level_crossings(
-    brightness: FloatArray, start: int, stop: int, level: float
-) -> list[tuple[float, float]]:
-    """Return where the brightness falls below the level and rises above it again."""
+    brightness: FloatArray, start: int, stop: int, level: float, edges: FloatArray, count: int
+) -> int:
+    """Write where the brightness falls below the level and rises again, from pair `count` on.
+
+    An edge beyond the profile is given as the profile's border.  Returns how many pairs there are
+    then.
+    """
     low, high = max(0, start - 1), min(len(brightness), stop + 1)
-    piece = brightness[low:high]
-    dark = piece < level
-    falls = np.flatnonzero(~dark[:-1] & dark[1:])
-    rises = np.flatnonzero(dark[:-1] & ~dark[1:])
-    lefts = (_crossings(piece, falls, level) + low + 0.5).tolist()
-    rights = (_crossings(piece, rises, level) + low + 0.5).tolist()
-    if dark[0]:
-        lefts.insert(0, float(low))
-    if dark[-1]:
-        rights.append(float(high))
-    return list(zip(lefts, rights, strict=True))
+    if brightness[low] < level:
+        edges[count, 0] = low
+    for column in range(low, high - 1):
+        here, there = brightness[column], brightness[column + 1]
+        if here >= level > there:
+            edges[count, 0] = column + (level - here) / (there - here) + 0.5
+        elif there >= level > here:
+            edges[count, 1] = column + (level - here) / (there - here) + 0.5
+            count += 1
+    if brightness[high - 1] < level:
+        edges[count, 1] = high
+        count += 1
+    return count
 
 
-def _crossings(values: FloatArray, before: np.ndarray, level: float) -> FloatArray:
-    a, b = values[before], values[before + 1]
-    crossings: FloatArray = before + (level - a) / (b - a)
-    return crossings
+@inlined
+def _fit_step(
+    brightness: FloatArray,
+    window: tuple[int, int],
+    edges: tuple[float, float],
+    blur: float,
+    dark: float,
+) -> tuple[float, float]:
+    """Return how far the edges of an erf pair are off, by one Gauss-Newton step."""
+    height = (1.0 - dark) / (sqrt(2.0 * pi) * blur)
+    aa = ab = bb = a_off = b_off = 0.0
+    for column in range(*window):
+        xa = (column - edges[0]) / (sqrt(2.0) * blur)
+        xb = (column - edges[1]) / (sqrt(2.0) * blur)
+        model = 1.0 - (1.0 - dark) / 2.0 * (erf(xa) - erf(xb))
+        weight = 1.0 / max(model, 0.05)  # shot noise: variance grows with the light
+        a, b = height * exp(-xa * xa), -height * exp(-xb * xb)
+        aa += weight * a * a
+        ab += weight * a * b
+        bb += weight * b * b
+        a_off += weight * a * (brightness[column] - model)
+        b_off += weight * b * (brightness[column] - model)
+    aa, bb = 1.0001 * aa, 1.0001 * bb
+    determinant = aa * bb - ab * ab
+    if determinant <= 0.0:
+        return 0.0, 0.0
+    return (bb * a_off - ab * b_off) / determinant, (aa * b_off - ab * a_off) / determinant
 
 
+@inlined
 def _erf_pair(
-    brightness: FloatArray, run: tuple[int, int], width_px: float, blur_px: float, dark: float
+    brightness: FloatArray, centre: float, width_px: float, blur: float, dark: float
 ) -> tuple[float, float]:
     """Fit two erf edges by Gauss-Newton, starting from centroid and missing light."""
-    low, high = max(0, run[0] - 2), min(len(brightness), run[1] + 2)
-    missing = 1.0 - brightness[low:high]
-    # a glint beside the shadow would push the centroid out of it
-    centre = np.clip(np.arange(low, high) @ missing / missing.sum(), run[0], run[1] - 1)
-    edges = np.array([centre - width_px / 2, centre + width_px / 2])
-    reach = 3 * blur_px + 1
-    window = slice(max(0, int(edges[0] - reach)), min(len(brightness), int(edges[1] + reach) + 2))
-    columns, seen = np.arange(window.start, window.stop), brightness[window]
-    slope = np.array([[1.0], [-1.0]]) * (1 - dark) / (sqrt(2 * np.pi) * blur_px)
+    count = len(brightness)
+    left, right = centre - width_px / 2.0, centre + width_px / 2.0
+    reach = 3.0 * blur + 1.0
+    window = max(0, int(left - reach)), min(count, int(right + reach) + 2)
     for _ in range(FIT_STEPS):
-        x = (columns - edges[:, None]) / (sqrt(2) * blur_px)
-        model = 1 - (1 - dark) / 2 * (erf(x[0]) - erf(x[1]))
-        weights = 1 / np.maximum(model, 0.05)  # shot noise: variance grows with the light
-        jacobian = slope * np.exp(-x * x)
-        normal = (jacobian * weights) @ jacobian.T
-        normal[np.diag_indices(2)] *= 1.0001
-        step = np.linalg.solve(normal, (jacobian * weights) @ (seen - model))
-        edges += np.clip(step, -LARGEST_STEP_PX, LARGEST_STEP_PX)
-    left, right = np.sort(np.clip(edges + 0.5, 0, len(brightness))).tolist()
-    return left, right
+        step_left, step_right = _fit_step(brightness, window, (left, right), blur, dark)
+        left += min(max(step_left, -LARGEST_STEP_PX), LARGEST_STEP_PX)
+        right += min(max(step_right, -LARGEST_STEP_PX), LARGEST_STEP_PX)
+    left = min(max(left + 0.5, 0.0), float(count))
+    right = min(max(right + 0.5, 0.0), float(count))
+    return min(left, right), max(left, right)
 
 
-def _shadow(profile: Profile, first: int, last: int, left: float, right: float) -> Shadow:
-    """Make a shadow from edges counted from the first known column."""
-    left_px, right_px = first + left, first + right
-    inside = slice(min(int(left_px), last), max(int(right_px), int(left_px)) + 1)
-    darkest = profile.brightness[inside].min()
-    return Shadow(
-        left_px,
-        right_px,
-        _edge_is_seen(profile, first, last, left_px),
-        _edge_is_seen(profile, first, last, right_px),
-        float(np.clip(1.0 - darkest, 0.0, 1.0)),
-    )
-
-
-def _edge_is_seen(profile: Profile, first: int, last: int, edge_px: float) -> bool:
+@inlined
+def _edge_is_seen(known: BoolArray, edge: float) -> bool:
     """Tell whether an edge lies inside the view and away from columns that tell nothing."""
-    if not first + 1 < edge_px < last:
+    if not UNKNOWN_REACH_PX <= edge < len(known) - UNKNOWN_REACH_PX:
         return False
-    near = slice(int(edge_px - UNKNOWN_REACH_PX), int(edge_px + UNKNOWN_REACH_PX) + 1)
-    return bool(profile.known[near].all())
+    for column in range(int(edge - UNKNOWN_REACH_PX), int(edge + UNKNOWN_REACH_PX) + 1):
+        if not known[column]:
+            return False
+    return True
+
+
+@inlined
+def _is_shallow(
+    brightness: FloatArray, start: int, stop: int, missing_px: float, blur: float, dark: float
+) -> bool:
+    """Tell whether a run is far too shallow for a narrow shadow that takes as much light."""
+    darkest = brightness[start]
+    for column in range(start, stop):
+        darkest = min(darkest, brightness[column])
+    expected = (1.0 - dark) * erf(missing_px / (2.0 * sqrt(2.0) * blur))
+    return bool(1.0 - darkest < SHALLOW_SHARE * expected)
+
+
+@inlined
+def _depth(brightness: FloatArray, left: float, right: float) -> float:
+    """Return the share of light missing at the darkest place of a shadow."""
+    last = len(brightness) - 1
+    start = min(int(left), last)
+    darkest = brightness[start]
+    for column in range(start, min(int(right), last) + 1):
+        darkest = min(darkest, brightness[column])
+    return float(min(max(1.0 - darkest, 0.0), 1.0))
+
+
+@inlined
+def _edges_of_run(
+    brightness: FloatArray,
+    run: tuple[int, int],
+    sunlit: bool,
+    smallest_px: float,
+    level: float,
+    blur: float,
+    dark: float,
+    edges: FloatArray,
+    count: int,
+) -> int:
+    """Write (left, right) of the shadows in a run of dark columns to `edges` from `count` on.
+
+    Returns how many there are then.
+    """
+    start, stop = run
+    missing, centre = _missing_light(brightness, start, stop)
+    missing_px = missing / (1.0 - dark)  # the width of a fully dark shadow that takes as much
+    if missing_px < smallest_px:
+        return count
+    total = _level_crossings(brightness, start, stop, level, edges, count)
+    inside = start >= 2 and stop <= len(brightness) - 2
+    if total <= count + 1 and inside and missing_px < NARROW_BLURS * blur:
+        if not sunlit and _is_shallow(brightness, start, stop, missing_px, blur, dark):
+            return count
+        left, right = _erf_pair(brightness, centre, missing_px, blur, dark)
+        edges[count, 0], edges[count, 1] = left, right
+        return count + 1
+    if sunlit and total > count:
+        left, right = edges[count, 0], edges[total - 1, 1]  # what parts them may be a glint
+        if right - left > NARROWEST_PX:
+            left = edge_of_lit_flank(brightness, left, 1, level)
+            right = edge_of_lit_flank(brightness, right, -1, level)
+        edges[count, 0], edges[count, 1] = left, right
+        return count + 1
+    return total
+
+
+@inlined
+def _edges_in_view(
+    brightness: FloatArray,
+    sunlit: bool,
+    below: float,
+    smallest_px: float,
+    level: float,
+    blur: float,
+    dark: float,
+    edges: FloatArray,
+) -> int:
+    """Write left and right of all shadows, counted from the first column; return how many."""
+    count = start = 0
+    while start < len(brightness):
+        stop = start
+        while stop < len(brightness) and brightness[stop] < below:
+            stop += 1
+        if stop > start:
+            count = _edges_of_run(
+                brightness, (start, stop), sunlit, smallest_px, level, blur, dark, edges, count
+            )
+        start = stop + 1
+    return count
+
+
+@inlined
+def _may_hide(edges: FloatArray, count: int, start: int, stop: int) -> bool:
+    """Tell whether a shadow could lie in a run of columns without being one of `edges`."""
+    if stop - start < HIDING_PX:
+        return False
+    for number in range(count):
+        if edges[number, 1] > start and edges[number, 0] < stop:
+            return False
+    return True
+
+
+@inlined
+def _add_hiding_places(
+    known: BoolArray, hiding: BoolArray, edges: FloatArray, depth: FloatArray, count: int
+) -> int:
+    """Add the runs of columns that may hide a shadow, with depth 0; return how many there are."""
+    total = count
+    start = 0
+    for column in range(len(known)):
+        if known[column] or not hiding[column]:
+            if _may_hide(edges, total, start, column):
+                edges[total, 0], edges[total, 1], depth[total] = start, column, 0.0
+                total += 1
+            start = column + 1
+    return total
+
+
+@inlined
+def _sort(edges: FloatArray, depth: FloatArray, count: int) -> None:
+    """Put shadows in order, from left to right."""
+    for number in range(1, count):
+        left, right, how_deep = edges[number, 0], edges[number, 1], depth[number]
+        place = number
+        while place > 0 and edges[place - 1, 0] > left:
+            edges[place, 0], edges[place, 1] = edges[place - 1, 0], edges[place - 1, 1]
+            depth[place] = depth[place - 1]
+            place -= 1
+        edges[place, 0], edges[place, 1], depth[place] = left, right, how_deep
+
+
+@compiled(
+    "Tuple((f8[:,::1], b1[:,::1], f8[::1]))(f8[::1], b1[::1], b1[::1], b1, f8, f8, f8, f8, f8)"
+)
+def _find(
+    all_brightness: FloatArray,
+    all_known: BoolArray,
+    all_hiding: BoolArray,
+    sunlit: bool,
+    below: float,
+    smallest_px: float,
+    level: float,
+    blur: float,
+    dark: float,
+) -> tuple[FloatArray, BoolArray, FloatArray]:
+    """Return edges (K, 2), which of them are valid (K, 2), depth (K,), from left to right.
+
+    What is not known at either end is no part of the view.  Shadows may hide where it is `hiding`
+    and not known; that may be empty.
+    """
+    first, stop = 0, len(all_known)
+    while first < stop and not all_known[first]:
+        first += 1
+    while stop > first and not all_known[stop - 1]:
+        stop -= 1
+    brightness, known, hiding = (
+        all_brightness[first:stop],
+        all_known[first:stop],
+        all_hiding[first:stop],
+    )
+    edges, depth = np.empty((stop - first + 1, 2)), np.empty(stop - first + 1)
+    count = 0
+    if stop - first >= FEWEST_COLUMNS:
+        count = _edges_in_view(brightness, sunlit, below, smallest_px, level, blur, dark, edges)
+    for number in range(count):
+        depth[number] = _depth(brightness, edges[number, 0], edges[number, 1])
+    if count and len(all_hiding):
+        count = _add_hiding_places(known, hiding, edges, depth, count)
+    _sort(edges, depth, count)
+    edges_px, valid, depths = np.empty((count, 2)), np.empty((count, 2), np.bool_), np.empty(count)
+    for number in range(count):
+        left, right = edges[number, 0], edges[number, 1]
+        told = depth[number] > 0.0 and not (sunlit and is_glint(right - left, depth[number]))
+        valid[number, 0] = told and _edge_is_seen(known, left)
+        valid[number, 1] = told and _edge_is_seen(known, right)
+        edges_px[number, 0], edges_px[number, 1] = first + left, first + right
+        depths[number] = depth[number]
+    return edges_px, valid, depths

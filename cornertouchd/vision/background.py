@@ -1,0 +1,247 @@
+"""Follow how the empty strip looks while touches come and go: LEDs, exposure, sun, dark pictures.
+
+A column is followed where nothing stands before it, and behind a touch the strip is taken to
+change as it does on either side: so what rests never becomes background.  Time arrives with the
+pictures.
+"""
+
+from dataclasses import dataclass
+from math import exp
+
+import numpy as np
+
+from cornertouchd.compiling import compiled, inlined
+from cornertouchd.config import BackgroundSettings, VisionSettings
+from cornertouchd.model import BoolArray, FloatArray, Picture, Shadows
+from cornertouchd.vision.filling import fill_in
+from cornertouchd.vision.finder import ProfileFinder
+from cornertouchd.vision.gain import most_frequent_brightness
+from cornertouchd.vision.profile import Measured
+from cornertouchd.vision.reference import Reference
+from cornertouchd.vision.shadows import find_shadows
+
+LEARN_EVERY_S = 0.05
+"""Twenty times a second is plenty for what takes half a minute, and costs nothing."""
+
+LONGEST_STEP_S = 1.0
+"""After a pause one picture does not count for more than this."""
+
+FEWEST_MASKED = 3
+"""Fewer columns are the blurred end of the view or the camera in the far corner (rendered)."""
+
+
+@dataclass(frozen=True, slots=True)
+class MaskedColumns:
+    """Columns first_px to last_px tell nothing, and why."""
+
+    first_px: int
+    last_px: int
+    why: str
+
+    def __str__(self) -> str:
+        return f"columns {self.first_px}..{self.last_px} tell nothing: {self.why}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """What one picture gave."""
+
+    captured_at_s: float
+    measured: Measured
+    shadows: Shadows
+
+
+class Background:
+    """The empty strip of one camera, now.  Owned by one thread; any may read `masked_columns`.
+
+    `look` and then `learn` for every picture with all LEDs lit, `learn_dark` for those with none.
+    """
+
+    def __init__(
+        self, finder: ProfileFinder, vision: VisionSettings, settings: BackgroundSettings
+    ) -> None:
+        self._sampler = finder.sampler
+        self._vision = vision
+        self._settings = settings
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to the empty pictures of the calibration; forget dark pictures."""
+        self._reference = self._sampler.reference
+        self._gain = 1.0
+        self._learned_at_s: float | None = None
+        self._dark_at_s: float | None = None
+        self._known = self._reference.usable
+
+    def look(self, picture: Picture, captured_at_s: float) -> Sight:
+        """Return what a picture (rows, width_px) shows, measured against the strip as it is now."""
+        self._forget_old_darkness(captured_at_s)
+        measured = self._sampler.measure(picture, self._reference, self._gain)
+        shadows = find_shadows(
+            measured.profile,
+            self._vision,
+            sunlit=self._reference.sunlit,
+            hiding=self._reference.on_strip,
+        )
+        self._known = measured.profile.known
+        return Sight(captured_at_s, measured, shadows)
+
+    def learn(self, sight: Sight) -> None:
+        """Follow what a picture shows of the empty strip."""
+        measured, at_s = sight.measured, sight.captured_at_s
+        self._gain = measured.gain
+        if self._learned_at_s is None or at_s < self._learned_at_s:
+            self._learned_at_s = at_s
+        passed_s = at_s - self._learned_at_s
+        if not self._settings.learn or passed_s < LEARN_EVERY_S:
+            return
+        self._learned_at_s = at_s
+        share = 1.0 - exp(-min(passed_s, LONGEST_STEP_S) / self._settings.time_constant_s)
+        light, peak, anchor = _follow(
+            self._reference.black,
+            self._reference.light,
+            self._sampler.reference.scale,
+            self._reference.peak,
+            measured.light,
+            measured.peak,
+            measured.profile.brightness,
+            measured.profile.known,
+            sight.shadows.edges_px,
+            sight.shadows.depth,
+            measured.gain,
+            share,
+            self._vision.shadow_below,
+            self._settings.margin_px,
+        )
+        self._gain = measured.gain * anchor
+        self._refer_to(self._reference.black, light, peak)
+
+    def learn_dark(self, picture: Picture, captured_at_s: float) -> None:
+        """Take the light of the surroundings from a picture (rows, width_px) without any LED."""
+        seen = self._sampler.measure(picture, self._reference).light
+        before_s, self._dark_at_s = self._dark_at_s, captured_at_s
+        reference = self._reference
+        if before_s is None or captured_at_s < before_s:
+            self._darken(seen)
+            return
+        share = 1.0 - exp((before_s - captured_at_s) / self._settings.ambient_smoothing_s)
+        black = reference.black + share * (seen - reference.black)
+        self._refer_to(black, reference.light, reference.peak)
+
+    @property
+    def masked_columns(self) -> tuple[MaskedColumns, ...]:
+        """The columns of the strip that tell nothing now, from left to right."""
+        reference, known = self._reference, self._known
+        strip = reference.on_strip
+        usual = max(float(np.median(reference.light[strip])), 1.0)
+        dim = [
+            MaskedColumns(first, last, _how_dim(reference.light[first : last + 1] / usual))
+            for first, last in _runs(strip & ~reference.usable)
+        ]
+        bright = [
+            MaskedColumns(first, last, "at full scale, by light from outside")
+            for first, last in _runs(reference.usable & ~known)
+        ]
+        return tuple(sorted(dim + bright, key=lambda one: one.first_px))
+
+    def _forget_old_darkness(self, now_s: float) -> None:
+        """Without dark pictures the surroundings count as a part of the strip's light again."""
+        if self._dark_at_s is None:
+            return
+        if not 0.0 <= now_s - self._dark_at_s <= self._settings.ambient_age_s:
+            self._dark_at_s = None
+            self._darken(self._sampler.reference.black)
+
+    def _darken(self, black: FloatArray) -> None:
+        """Measure from another black on; how bright the lit strip should be stays as it was."""
+        reference = self._reference
+        light = reference.light + (reference.black - black) / self._gain
+        self._refer_to(black, light, reference.peak)
+
+    def _refer_to(self, black: FloatArray, light: FloatArray, peak: FloatArray) -> None:
+        self._reference = Reference.of(
+            black, light, peak, self._reference.least_light, self._vision.saturated_grey
+        )
+
+
+def _runs(chosen: BoolArray) -> list[tuple[int, int]]:
+    """Return first and last column of every run that is long enough to be told."""
+    steps = np.diff(chosen.astype(np.int8), prepend=0, append=0)
+    starts, stops = np.flatnonzero(steps > 0), np.flatnonzero(steps < 0)
+    return [
+        (int(start), int(stop) - 1)
+        for start, stop in zip(starts, stops, strict=True)
+        if stop - start >= FEWEST_MASKED
+    ]
+
+
+def _how_dim(shares: FloatArray) -> str:
+    return f"dead or dim LED, {max(float(shares.min()), 0.0):.0%} of the strip's light"
+
+
+@inlined
+def _covered_columns(
+    brightness: FloatArray, edges_px: FloatArray, depth: FloatArray, below: float, margin_px: int
+) -> BoolArray:
+    """Tell the columns of shadows, with all that is dark around them and a margin."""
+    width = len(brightness)
+    covered = np.zeros(width, np.bool_)
+    for number in range(len(depth)):
+        if depth[number] > 0.0:
+            first = min(max(int(edges_px[number, 0]), 0), width - 1)
+            last = min(max(int(edges_px[number, 1]), first), width - 1)
+            while first > 0 and brightness[first - 1] < below:
+                first -= 1
+            while last < width - 1 and brightness[last + 1] < below:
+                last += 1
+            for column in range(max(first - margin_px, 0), min(last + margin_px + 1, width)):
+                covered[column] = True
+    return covered
+
+
+@compiled(
+    "Tuple((f8[::1], f8[::1], f8))(f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], "
+    "b1[::1], f8[:,::1], f8[::1], f8, f8, f8, i8)"
+)
+def _follow(
+    black: FloatArray,
+    light: FloatArray,
+    calibrated_scale: FloatArray,
+    peak: FloatArray,
+    seen_light: FloatArray,
+    seen_peak: FloatArray,
+    brightness: FloatArray,
+    known: BoolArray,
+    edges_px: FloatArray,
+    depth: FloatArray,
+    gain: float,
+    share: float,
+    below: float,
+    margin_px: int,
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return light and peak of the empty strip, moved by `share` towards what is seen.
+
+    Covered columns change as the nearest ones do that are not.  Gain and light could drift apart,
+    one up, the other down: so most of the light is held at that of the calibration.  The last value
+    is what the gain has to be multiplied by.
+    """
+    width = len(black)
+    covered = _covered_columns(brightness, edges_px, depth, below, margin_px)
+    new_light, new_peak = np.empty(width), np.empty(width)
+    change, relative, fresh = np.empty(width), np.empty(width), np.empty(width, np.bool_)
+    for column in range(width):
+        now = (seen_light[column] - black[column]) / gain
+        new_light[column] = light[column] + share * (now - light[column])
+        new_peak[column] = peak[column] + share * (seen_peak[column] - peak[column])
+        change[column] = new_light[column] / max(light[column], 1.0)
+        fresh[column] = known[column] and not covered[column]
+    fill_in(change, fresh)
+    for column in range(width):
+        if covered[column]:
+            new_light[column] = light[column] * change[column]
+            new_peak[column] = peak[column]
+        relative[column] = new_light[column] * calibrated_scale[column]
+    anchor = most_frequent_brightness(relative, fresh, 1.0)
+    for column in range(width):
+        new_light[column] /= anchor
+    return new_light, new_peak, anchor
