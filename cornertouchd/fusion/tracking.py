@@ -1,79 +1,73 @@
 """Tracking: contacts followed from one frame set to the next, so that a touch keeps its id.
 
-Each touch is a Kalman filter with constant velocity, whose acceleration is white noise.  Both axes
-share one covariance, because the sigma of a contact has no direction.
+Each touch is a row of an array (`track_rows`).  A Kalman filter says where it is expected
+(`kalman`), what supports it says how firmly it is believed in (`evidence`), and what is reported of
+it is smoothed (`smoothing`).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import hypot, isfinite, sqrt
+from math import inf, isfinite
+from operator import attrgetter
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from cornertouchd.config import TrackingSettings
+from cornertouchd.fusion.assignment import assign, largest_sigma_mm
 from cornertouchd.fusion.crossed import Crossed, Predictions
-from cornertouchd.model import Contact, Touch
+from cornertouchd.fusion.following import predicted, updated
+from cornertouchd.fusion.track_rows import (
+    AHEAD_S,
+    BETA,
+    COAST_FRAMES,
+    CONFIRM_FRAMES,
+    CONTACT_COLUMNS,
+    CONTINUES,
+    CUTOFF_HZ,
+    DEAD_BAND,
+    HEIGHT,
+    IS_PALM,
+    OWN_COLUMNS,
+    OWN_EDGES,
+    RULES,
+    SUPPORT,
+    TOLD_COLUMNS,
+    TRACK_COLUMNS,
+    TREND_CUTOFF_HZ,
+    WIDTH,
+)
+from cornertouchd.model import Contact, FloatArray, Touch
 
-# No contact is known better: its section is not quite an ellipse, and hands tremble.
-SMALLEST_SIGMA_MM = 0.1
-# A finger may land while it moves: 2 m/s, the quickest swipes, are three sigmas.
-BIRTH_SPEED_SIGMA_MM_S = 700.0
-# Half a finger wide where the prediction is certain, so that a neighbour is never taken for it.
-NARROWEST_GATE_MM = 4.0
-GATE_SIGMAS = 3.0
-# Three of four contacts of this confidence are real, and only one or two in a hundred, with ten
-# fingers down, have less: those wait to be confirmed, all others are reported at once.
-CONFIDENCE_WITHOUT_CONFIRMATION = 0.5
-# Where two cameras see two fingers, the two ghosts explain their shadows nearly as well as the
-# fingers do, frame after frame: being seen again proves nothing then.
-CAMERAS_THAT_CONFIRM = 3
 # After such a pause nothing says where a finger went, or whether it is the same one.
 LONGEST_PAUSE_S = 0.5
-OUT_OF_REACH = 1e12
-
-
-@dataclass(frozen=True, slots=True)
-class _Track:
-    """A touch, or what may become one: then `id` is 0.
-
-    The variances and the covariance are those of position and velocity in each axis, in mm and
-    mm/s.  `seen_x_mm` and `seen_y_mm` are where it was when it was seen last.  `seen` counts the
-    frame sets that showed it, `missed` the last ones that did not.
-    """
-
-    id: int
-    reported_at_s: float
-    x_mm: float
-    y_mm: float
-    seen_x_mm: float
-    seen_y_mm: float
-    vx_mm_s: float
-    vy_mm_s: float
-    position_variance: float
-    covariance: float
-    velocity_variance: float
-    seen: int
-    missed: int
+UNBOUNDED_MM = (inf, inf)
+NO_TRACKS = np.empty((0, TRACK_COLUMNS))
 
 
 class Tracker:
-    """Gives contacts lasting ids.  Owned by one thread; the same input gives the same touches."""
+    """Gives contacts lasting ids.  Owned by one thread; the same input gives the same touches.
 
-    def __init__(self, settings: TrackingSettings) -> None:
+    Of each frame set `predict` tells where the touches are expected, for the crossing, and `update`
+    takes what was found there.  Predicted places are kept on a surface of `surface_mm`, its width
+    and height.
+    """
+
+    def __init__(
+        self, settings: TrackingSettings, surface_mm: tuple[float, float] = UNBOUNDED_MM
+    ) -> None:
         self._settings = settings
-        self._tracks: tuple[_Track, ...] = ()
-        self._updated_at_s: float | None = None
+        self._rules = _rules(settings, surface_mm)
         self._last_id = 0
+        self.reset()
 
     def reset(self) -> None:
         """Forget all touches; their ids are not used again."""
-        self._tracks = ()
-        self._updated_at_s = None
+        self._tracks = NO_TRACKS
+        self._updated_at_s: float | None = None
+        self._advanced_to_s: float | None = None
 
     def predict(self, captured_at_s: float) -> Predictions:
         """Return where the touches are expected at this time."""
-        return Predictions(np.empty((0, 3)), np.empty(0), np.empty(0), np.empty(0))
+        self._advance(captured_at_s)
+        return Predictions(*self._predicted[1:])
 
     def update(self, captured_at_s: float, crossed: Crossed) -> tuple[Touch, ...]:
         """Return the touches after a frame set with these contacts, by ascending id.
@@ -82,154 +76,81 @@ class Tracker:
         it was last for `coast_frames` frame sets before it ends.  When time does not advance, or
         leaps, all touches end and the contacts become new ones.
         """
-        touching = [contact for contact in crossed.contacts if _can_be_a_touch(contact)]
-        predicted = self._predicted(captured_at_s)
-        self._updated_at_s = captured_at_s
-        partners = _assigned(predicted, touching, self._settings.gate_mm)
-        followed = [
-            self._seen(track, touching[partners[number]], captured_at_s)
-            if number in partners
-            else replace(track, missed=track.missed + 1)
-            for number, track in enumerate(predicted)
-        ]
-        taken = set(partners.values())
-        born = [
-            self._confirmed(_born(contact), contact, captured_at_s)
-            for number, contact in enumerate(touching)
-            if number not in taken
-        ]
-        self._tracks = tuple(track for track in followed if self._goes_on(track)) + tuple(born)
-        reported = sorted((track for track in self._tracks if track.id), key=lambda t: t.id)
-        return tuple(_touch(track, captured_at_s) for track in reported)
-
-    def _predicted(self, captured_at_s: float) -> list[_Track]:
-        if self._updated_at_s is None:
-            return []
-        elapsed_s = captured_at_s - self._updated_at_s
-        if not 0.0 < elapsed_s <= LONGEST_PAUSE_S:
-            return []
-        acceleration_variance = self._settings.acceleration_mm_s2**2
-        return [_predicted(track, elapsed_s, acceleration_variance) for track in self._tracks]
-
-    def _seen(self, track: _Track, contact: Contact, captured_at_s: float) -> _Track:
-        return self._confirmed(_corrected(track, contact), contact, captured_at_s)
-
-    def _confirmed(self, track: _Track, contact: Contact, captured_at_s: float) -> _Track:
-        """Give the track the next id if it has none yet and is sure enough to be reported."""
-        seen_again = track.seen >= self._settings.confirm_frames
-        sure = contact.confidence >= CONFIDENCE_WITHOUT_CONFIRMATION or (
-            seen_again and len(contact.cameras) >= CAMERAS_THAT_CONFIRM
+        elapsed_s = self._advance(captured_at_s)
+        expected = self._predicted[0]
+        contacts = _contact_rows(crossed, self._settings.report_palms)
+        self._tracks, self._last_id = updated(
+            expected,
+            assign(expected, contacts, self._settings.gate_mm),
+            contacts,
+            self._rules,
+            captured_at_s,
+            elapsed_s,
+            self._last_id,
         )
-        if track.id or not sure:
-            return track
-        self._last_id += 1
-        return replace(track, id=self._last_id, reported_at_s=captured_at_s)
+        self._updated_at_s, self._advanced_to_s = captured_at_s, None
+        return _touches(self._tracks, captured_at_s)
 
-    def _goes_on(self, track: _Track) -> bool:
-        return track.missed <= (self._settings.coast_frames if track.id else 0)
+    def _advance(self, captured_at_s: float) -> float:
+        """Bring the tracks to this time, once a frame set; return the time since the last one."""
+        elapsed_s = inf if self._updated_at_s is None else captured_at_s - self._updated_at_s
+        if self._advanced_to_s != captured_at_s:
+            tracks = self._tracks if 0.0 < elapsed_s <= LONGEST_PAUSE_S else NO_TRACKS
+            self._predicted = predicted(
+                tracks,
+                elapsed_s,
+                self._settings.acceleration_mm_s2**2,
+                largest_sigma_mm(self._settings.gate_mm) ** 2,
+            )
+            self._advanced_to_s = captured_at_s
+        return elapsed_s
 
 
-def _can_be_a_touch(contact: Contact) -> bool:
+def _rules(settings: TrackingSettings, surface_mm: tuple[float, float]) -> FloatArray:
+    rules = np.empty(RULES)
+    rules[COAST_FRAMES] = settings.coast_frames
+    rules[CONFIRM_FRAMES] = settings.confirm_frames
+    rules[CUTOFF_HZ] = settings.min_cutoff_hz if settings.smoothing else 0.0
+    rules[BETA] = settings.beta
+    rules[TREND_CUTOFF_HZ] = settings.derivative_cutoff_hz
+    rules[DEAD_BAND] = settings.dead_band_mm
+    rules[AHEAD_S] = settings.predict_ms / 1000.0
+    rules[WIDTH], rules[HEIGHT] = surface_mm
+    return rules
+
+
+def _contact_rows(crossed: Crossed, report_palms: bool) -> FloatArray:
+    """Return what counts of the contacts as rows; where palms are reported, none is one."""
+    rows = np.empty((len(crossed.contacts), CONTACT_COLUMNS))
+    if len(rows):
+        rows[:, :OWN_COLUMNS] = [_values(contact) for contact in crossed.contacts]
+        rows[:, SUPPORT] = crossed.supports
+        rows[:, OWN_EDGES] = crossed.own_edges
+        rows[:, CONTINUES] = crossed.predictions
+        if report_palms:
+            rows[:, IS_PALM] = 0.0
+    return rows
+
+
+def _values(contact: Contact) -> tuple[float, float, float, float, float, int, bool, bool]:
+    """Return the first columns of a contact; one that is nowhere or has no size touches nothing."""
+    somewhere = isfinite(contact.x_mm + contact.y_mm) and 0.0 < contact.diameter_mm < inf
     return (
-        contact.touching
-        and contact.kind != "palm"
-        and isfinite(contact.x_mm)
-        and isfinite(contact.y_mm)
+        contact.x_mm,
+        contact.y_mm,
+        0.5 * contact.diameter_mm,
+        contact.sigma_mm,
+        contact.confidence,
+        len(contact.cameras),
+        contact.touching and somewhere,
+        contact.kind == "palm",
     )
 
 
-def _sigma_mm(contact: Contact) -> float:
-    return max(contact.sigma_mm, SMALLEST_SIGMA_MM) if isfinite(contact.sigma_mm) else 1.0
-
-
-def _assigned(
-    tracks: Sequence[_Track], contacts: Sequence[Contact], gate_mm: float
-) -> dict[int, int]:
-    """Return the contact of each track that has one: as many as possible, at least distance."""
-    costs = np.full((len(tracks), len(contacts)), OUT_OF_REACH)
-    for row, track in enumerate(tracks):
-        for column, contact in enumerate(contacts):
-            sigma_mm = sqrt(track.position_variance + _sigma_mm(contact) ** 2)
-            distance_mm = hypot(contact.x_mm - track.x_mm, contact.y_mm - track.y_mm)
-            if distance_mm <= min(gate_mm, NARROWEST_GATE_MM + GATE_SIGMAS * sigma_mm):
-                costs[row, column] = distance_mm**2
-    rows, columns = linear_sum_assignment(costs)
-    return {
-        int(row): int(column)
-        for row, column in zip(rows, columns, strict=True)
-        if costs[row, column] < OUT_OF_REACH
-    }
-
-
-def _born(contact: Contact) -> _Track:
-    return _Track(
-        id=0,
-        reported_at_s=0.0,
-        x_mm=contact.x_mm,
-        y_mm=contact.y_mm,
-        seen_x_mm=contact.x_mm,
-        seen_y_mm=contact.y_mm,
-        vx_mm_s=0.0,
-        vy_mm_s=0.0,
-        position_variance=_sigma_mm(contact) ** 2,
-        covariance=0.0,
-        velocity_variance=BIRTH_SPEED_SIGMA_MM_S**2,
-        seen=1,
-        missed=0,
-    )
-
-
-def _predicted(track: _Track, elapsed_s: float, acceleration_variance: float) -> _Track:
-    return replace(
-        track,
-        x_mm=track.x_mm + track.vx_mm_s * elapsed_s,
-        y_mm=track.y_mm + track.vy_mm_s * elapsed_s,
-        position_variance=track.position_variance
-        + 2.0 * elapsed_s * track.covariance
-        + elapsed_s**2 * track.velocity_variance
-        + acceleration_variance * elapsed_s**4 / 4.0,
-        covariance=track.covariance
-        + elapsed_s * track.velocity_variance
-        + acceleration_variance * elapsed_s**3 / 2.0,
-        velocity_variance=track.velocity_variance + acceleration_variance * elapsed_s**2,
-    )
-
-
-def _corrected(track: _Track, contact: Contact) -> _Track:
-    """Move the prediction towards the contact; all the way while the track is not reported yet."""
-    noise = _sigma_mm(contact) ** 2
-    spread = track.position_variance + noise
-    gain = track.position_variance / spread if track.id else 1.0
-    velocity_gain = track.covariance / spread
-    rest = 1.0 - gain
-    dx, dy = contact.x_mm - track.x_mm, contact.y_mm - track.y_mm
-    x_mm = rest * track.x_mm + gain * contact.x_mm
-    y_mm = rest * track.y_mm + gain * contact.y_mm
-    return replace(
-        track,
-        x_mm=x_mm,
-        y_mm=y_mm,
-        seen_x_mm=x_mm,
-        seen_y_mm=y_mm,
-        vx_mm_s=track.vx_mm_s + velocity_gain * dx,
-        vy_mm_s=track.vy_mm_s + velocity_gain * dy,
-        # Joseph's form, which holds for any gain
-        position_variance=rest**2 * track.position_variance + gain**2 * noise,
-        covariance=rest * (track.covariance - velocity_gain * track.position_variance)
-        + gain * velocity_gain * noise,
-        velocity_variance=track.velocity_variance - velocity_gain * track.covariance,
-        seen=track.seen + 1,
-        missed=0,
-    )
-
-
-def _touch(track: _Track, captured_at_s: float) -> Touch:
-    coasts = track.missed > 0
-    return Touch(
-        id=track.id,
-        x_mm=track.seen_x_mm,
-        y_mm=track.seen_y_mm,
-        vx_mm_s=0.0 if coasts else track.vx_mm_s,
-        vy_mm_s=0.0 if coasts else track.vy_mm_s,
-        age_s=captured_at_s - track.reported_at_s,
-    )
+def _touches(tracks: FloatArray, captured_at_s: float) -> tuple[Touch, ...]:
+    touches = [
+        Touch(int(number), x_mm, y_mm, vx_mm_s, vy_mm_s, captured_at_s - reported_at_s)
+        for number, reported_at_s, x_mm, y_mm, vx_mm_s, vy_mm_s in tracks[:, :TOLD_COLUMNS].tolist()
+        if number
+    ]
+    return tuple(sorted(touches, key=attrgetter("id")))

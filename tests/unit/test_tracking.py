@@ -49,14 +49,20 @@ def test_the_first_report_is_the_measurement(tracker: Tracker) -> None:
     assert touch == Touch(id=1, x_mm=31.7, y_mm=88.3, vx_mm_s=0.0, vy_mm_s=0.0, age_s=0.0)
 
 
+AS_MEASURED = TrackingSettings(smoothing=False, dead_band_mm=0.0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "off_mm"), [(AS_MEASURED, 0.02), (TrackingSettings(), 0.12)], ids=["raw", "smooth"]
+)
 @pytest.mark.parametrize("speed_mm_s", [0.0, 30.0, 500.0, 1500.0])
 def test_a_finger_that_moves_straight_keeps_its_id_and_is_where_it_is(
-    tracker: Tracker, speed_mm_s: float
+    settings: TrackingSettings, off_mm: float, speed_mm_s: float
 ) -> None:
     path = [at(20.0 + speed_mm_s * PERIOD_S * n, 60.0) for n in range(20)]
-    reports = follow(tracker, [[contact] for contact in path])
+    reports = follow(Tracker(settings), [[contact] for contact in path])
     assert ids(reports) == [[1]] * 20
-    assert reports[-1][0].x_mm == pytest.approx(path[-1].x_mm, abs=0.02)
+    assert reports[-1][0].x_mm == pytest.approx(path[-1].x_mm, abs=off_mm)
     assert reports[-1][0].vx_mm_s == pytest.approx(speed_mm_s, abs=5.0)
     assert reports[-1][0].vy_mm_s == pytest.approx(0.0, abs=1e-9)
     assert reports[-1][0].age_s == pytest.approx(19 * PERIOD_S)
@@ -247,7 +253,9 @@ def test_whatever_comes_the_touches_are_sound_and_the_same_again(
     reports = run()
     assert reports == run()
     newest, gone = 0, set()
-    for before, touches in pairwise([(), *reports]):
+    contacts_of = [contacts for _, contacts in steps]
+    for number, (before, touches) in enumerate(pairwise([(), *reports])):
+        assert len(touches) <= sum(map(len, contacts_of[max(number - 2, 0) : number + 1]))
         assert ids([touches]) == [sorted({touch.id for touch in touches})]
         new = [touch.id for touch in touches if touch.id > newest]
         assert new == list(range(newest + 1, newest + 1 + len(new)))

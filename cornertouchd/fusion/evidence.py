@@ -1,0 +1,150 @@
+"""How firmly a touch is believed in, when it is reported, and when it ends."""
+
+from math import isnan
+
+from cornertouchd.compiling import inlined
+from cornertouchd.fusion.track_rows import (
+    AT_RADIUS,
+    AT_X,
+    AT_Y,
+    CAMERAS,
+    CONFIDENCE,
+    CONTINUES,
+    ID,
+    IS_PALM,
+    LOG_ODDS,
+    MISSED,
+    OWN_EDGES,
+    PALM_RADIUS,
+    PALMS_IN_A_ROW,
+    SEEN,
+    SUPPORT,
+    UNSUPPORTED_S,
+    X,
+    Y,
+    is_palm,
+    is_reported,
+)
+from cornertouchd.model import FloatArray
+
+# What it costs to believe in a contact that was not there before: what supports a touch by more
+# makes it surer, by less makes it less sure.
+COST_OF_A_NEW_TOUCH = 7.0
+# Found by Monte-Carlo with 15 fingers on 350x400: belief comes quickly and goes slowly, because a
+# finger that others hide for a moment is still there.  A touch never becomes cheaper than free:
+# ghosts would stick.  The least belief is nearly as dear as a new touch: it favours nothing.
+LEAST_LOG_ODDS = -6.0
+REPORTED_LOG_ODDS = -3.0
+SHARE_BELIEVED = 0.5
+MOST_BELIEVED = 4.0
+SHARE_DOUBTED = 0.1
+MOST_DOUBTED = 0.1
+# Less than half of what one shadow edge is worth: then the touch's own past alone chose it.
+LEAST_SUPPORT = 2.0
+LONGEST_UNSUPPORTED_S = 0.5
+# Three of four contacts of this confidence are real, and only one or two in a hundred, with ten
+# fingers down, have less: those wait to be confirmed, all others are reported at once.
+CONFIDENCE_WITHOUT_CONFIRMATION = 0.5
+# Where two cameras see two fingers, the two ghosts explain their shadows nearly as well as the
+# fingers do, frame after frame: being seen again proves nothing then.
+CAMERAS_THAT_CONFIRM = 3
+# One frame set may take two fingers that meet for a palm.
+PALMS_THAT_LATCH = 2
+
+
+@inlined
+def _surplus(contact: FloatArray) -> float:
+    """Return by how much the contact would be worth its cost if it were new."""
+    support = contact[SUPPORT]
+    return -COST_OF_A_NEW_TOUCH if isnan(support) else support - COST_OF_A_NEW_TOUCH
+
+
+@inlined
+def _is_supported(contact: FloatArray) -> bool:
+    """Whether more than the prediction that it continues speaks for the contact."""
+    if contact[CONTINUES] < 0.0:
+        return True
+    return bool(contact[OWN_EDGES] > 0.0 and contact[SUPPORT] >= LEAST_SUPPORT)
+
+
+@inlined
+def _doubt(track: FloatArray, by: float) -> None:
+    track[LOG_ODDS] = max(track[LOG_ODDS] - by, LEAST_LOG_ODDS)
+
+
+@inlined
+def start_believing(track: FloatArray, contact: FloatArray) -> None:
+    """Begin with the least belief.
+
+    What is not sure enough to be reported is not favoured: ghosts would prove themselves.
+    """
+    track[ID] = 0.0
+    track[LOG_ODDS] = LEAST_LOG_ODDS
+    track[SEEN] = 1.0
+    track[MISSED] = track[UNSUPPORTED_S] = track[PALMS_IN_A_ROW] = 0.0
+    track[PALM_RADIUS] = contact[AT_RADIUS] if contact[IS_PALM] > 0.0 else 0.0
+
+
+@inlined
+def believe_from_now_on(track: FloatArray, contact: FloatArray) -> None:
+    """Begin to favour the touch, as much as the contact deserves, because it is reported."""
+    track[LOG_ODDS] = min(max(_surplus(contact) - 1.0, REPORTED_LOG_ODDS), 0.0)
+
+
+@inlined
+def believe(track: FloatArray, contact: FloatArray, elapsed_s: float) -> None:
+    """Weigh what a contact tells about the touch that it continues."""
+    track[SEEN] += 1.0
+    track[MISSED] = track[PALMS_IN_A_ROW] = 0.0
+    track[UNSUPPORTED_S] = 0.0 if _is_supported(contact) else track[UNSUPPORTED_S] + elapsed_s
+    if is_palm(track):
+        track[PALM_RADIUS] = max(track[PALM_RADIUS], contact[AT_RADIUS])
+    elif not is_reported(track):
+        return
+    surplus = _surplus(contact)
+    if surplus > 0.0:
+        track[LOG_ODDS] = min(track[LOG_ODDS] + SHARE_BELIEVED * min(surplus, MOST_BELIEVED), 0.0)
+    else:
+        _doubt(track, min(-SHARE_DOUBTED * surplus, MOST_DOUBTED))
+
+
+@inlined
+def miss(track: FloatArray) -> None:
+    """Weigh that no contact continues the touch."""
+    track[MISSED] += 1.0
+    _doubt(track, MOST_DOUBTED)
+
+
+@inlined
+def is_taken_for_palm(track: FloatArray, contact: FloatArray) -> bool:
+    """Whether what was a finger so far looks like a palm; once it has done so often, it is one."""
+    if contact[IS_PALM] == 0.0 or is_palm(track):
+        return False
+    track[PALMS_IN_A_ROW] += 1.0
+    if is_reported(track) and track[PALMS_IN_A_ROW] < PALMS_THAT_LATCH:
+        return True
+    track[ID] = 0.0
+    track[PALM_RADIUS] = contact[AT_RADIUS]
+    return False
+
+
+@inlined
+def goes_on(track: FloatArray, coast_frames: float) -> bool:
+    """Whether the touch is worth following after this frame set."""
+    patience = coast_frames if is_reported(track) or is_palm(track) else 0.0
+    return bool(track[MISSED] <= patience and track[UNSUPPORTED_S] <= LONGEST_UNSUPPORTED_S)
+
+
+@inlined
+def is_sure(track: FloatArray, contact: FloatArray, confirm_frames: float) -> bool:
+    """Whether a touch that the contact shows is real enough to be reported."""
+    if contact[CONFIDENCE] >= CONFIDENCE_WITHOUT_CONFIRMATION:
+        return True
+    return bool(track[SEEN] >= confirm_frames and contact[CAMERAS] >= CAMERAS_THAT_CONFIRM)
+
+
+@inlined
+def is_part_of_palm(contact: FloatArray, palm: FloatArray) -> bool:
+    """Whether the contact lies where the palm was at its largest."""
+    apart = (contact[AT_X] - palm[X]) ** 2 + (contact[AT_Y] - palm[Y]) ** 2
+    return bool(is_palm(palm) and apart < palm[PALM_RADIUS] ** 2)

@@ -1,0 +1,96 @@
+"""What is known of each touch that is followed, and of each contact, as rows of an array.
+
+The filters that move a touch, weigh it and smooth its report share its row; each has its own
+columns.  Times are seconds of the frame sets, lengths millimetres, speeds mm/s.
+"""
+
+from cornertouchd.compiling import inlined
+from cornertouchd.model import FloatArray
+
+(
+    # what is told of it; ID is 0 until the touch is reported, and for one that shall not be
+    ID,
+    REPORTED_AT_S,
+    SHOWN_X,
+    SHOWN_Y,
+    SHOWN_SPEED_X,
+    SHOWN_SPEED_Y,
+    # kalman: both axes share the variances, because the sigma of a contact has no direction
+    X,
+    Y,
+    RADIUS,
+    SPEED_X,
+    SPEED_Y,
+    POSITION_VARIANCE,
+    COVARIANCE,
+    SPEED_VARIANCE,
+    RADIUS_VARIANCE,
+    # evidence: how firmly it is believed in, how often it was seen, and missed since
+    LOG_ODDS,
+    SEEN,
+    MISSED,
+    UNSUPPORTED_S,
+    PALMS_IN_A_ROW,
+    PALM_RADIUS,
+    # smoothing: what the filter took in last and gave out last, what it rests on,
+    # and what a report that has just begun to move has still to make up for
+    TAKEN_AT_S,
+    TAKEN_X,
+    TAKEN_Y,
+    TREND_X,
+    TREND_Y,
+    SMOOTH_X,
+    SMOOTH_Y,
+    STILL,
+    REST_X,
+    REST_Y,
+    REST_SINCE_S,
+    BEHIND_X,
+    BEHIND_Y,
+) = range(34)
+TRACK_COLUMNS = 34
+TOLD_COLUMNS = 6
+
+(
+    # the contact itself
+    AT_X,
+    AT_Y,
+    AT_RADIUS,
+    SIGMA,
+    CONFIDENCE,
+    CAMERAS,
+    TOUCHES,
+    IS_PALM,
+    # what the crossing says about it
+    SUPPORT,
+    OWN_EDGES,
+    CONTINUES,
+) = range(11)
+CONTACT_COLUMNS = 11
+OWN_COLUMNS = 8
+
+# what the settings say, one array for all touches; a cutoff of 0 lets all through
+(
+    COAST_FRAMES,
+    CONFIRM_FRAMES,
+    CUTOFF_HZ,
+    BETA,
+    TREND_CUTOFF_HZ,
+    DEAD_BAND,
+    AHEAD_S,
+    WIDTH,
+    HEIGHT,
+) = range(9)
+RULES = 9
+
+
+@inlined
+def is_reported(track: FloatArray) -> bool:
+    """Whether the track has been a touch for others since some frame set."""
+    return bool(track[ID] > 0.0)
+
+
+@inlined
+def is_palm(track: FloatArray) -> bool:
+    """Whether the track has been a palm; then it stays one, whatever it shrinks to."""
+    return bool(track[PALM_RADIUS] > 0.0)
