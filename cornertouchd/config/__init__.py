@@ -11,7 +11,10 @@ from cornertouchd.config.rig import (
 )
 from cornertouchd.config.settings import Settings
 from cornertouchd.config.stages import (
+    BackgroundSettings,
     CrossingSettings,
+    DirtSettings,
+    MotionSettings,
     PairingSettings,
     PaperCrossingSettings,
     PaperVisionSettings,
@@ -21,12 +24,15 @@ from cornertouchd.config.stages import (
 from cornertouchd.config.writing import render_default_toml
 
 __all__ = [
+    "BackgroundSettings",
     "CalibrationSettings",
     "CameraSettings",
     "CamerasSettings",
     "ConfigError",
     "CrossingSettings",
     "DestinationSettings",
+    "DirtSettings",
+    "MotionSettings",
     "PairingSettings",
     "PaperCrossingSettings",
     "PaperVisionSettings",

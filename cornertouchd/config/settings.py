@@ -13,7 +13,10 @@ from cornertouchd.config.rig import (
     SurfaceSettings,
 )
 from cornertouchd.config.stages import (
+    BackgroundSettings,
     CrossingSettings,
+    DirtSettings,
+    MotionSettings,
     PairingSettings,
     TrackingSettings,
     VisionSettings,
@@ -29,7 +32,10 @@ class Settings(Table):
     cameras: CamerasSettings = CamerasSettings()
     simulation: SimulationSettings = SimulationSettings()
     vision: VisionSettings = VisionSettings()
+    background: BackgroundSettings = BackgroundSettings()
     pairing: PairingSettings = PairingSettings()
+    motion: MotionSettings = MotionSettings()
+    dirt: DirtSettings = DirtSettings()
     crossing: CrossingSettings = CrossingSettings()
     tracking: TrackingSettings = TrackingSettings()
     tuio: TuioSettings = TuioSettings()

@@ -82,7 +82,54 @@ class VisionSettings(Table):
         description="Grey levels. Columns where the empty strip is darker than this tell nothing "
         "and are left out, as at a dead LED.",
     )
+    saturated_grey: float = Field(
+        250.0,
+        ge=100.0,
+        le=256.0,
+        description="Grey level from which on a pixel is at full scale. A column that reaches it, "
+        "in the sun for example, tells nothing until the background has followed. 256 believes "
+        "every pixel.",
+    )
     paper: PaperVisionSettings = PaperVisionSettings()
+
+
+class BackgroundSettings(Table):
+    """How the look of the empty strip is followed while the daemon runs."""
+
+    learn: bool = Field(
+        True,
+        description="Follow slow changes of the LEDs and of the daylight. Otherwise all pictures "
+        "are measured against those of the calibration.",
+    )
+    time_constant_s: float = Field(
+        30.0,
+        ge=1.0,
+        le=86_400.0,
+        description="How slowly columns without a shadow are followed: 63 % of a change after this "
+        "time. At 30 s a sunrise of ten minutes stays within 4 % of the strip's light, and a "
+        "sleeve that passes leaves no trace.",
+    )
+    margin_px: int = Field(
+        8,
+        ge=0,
+        le=1000,
+        description="Columns on either side of a shadow that are not followed either: blur, and "
+        "light that a finger throws beside its shadow.",
+    )
+    ambient_smoothing_s: float = Field(
+        0.015,
+        ge=0.001,
+        le=60.0,
+        description="Time over which the light of the surroundings is averaged, when the LED frame "
+        "sends dark pictures. Short, so that it also cancels the sun on moving fingers.",
+    )
+    ambient_age_s: float = Field(
+        3.0,
+        ge=0.01,
+        le=3600.0,
+        description="How long a dark picture counts. Afterwards nothing is known of the light of "
+        "the surroundings.",
+    )
 
 
 class PairingSettings(Table):
@@ -101,6 +148,28 @@ class PairingSettings(Table):
         le=1000.0,
         description="Longest wait for a late or missing camera; then the others go on without it. "
         "Raise it if cameras are often late, at the price of delay.",
+    )
+
+
+class MotionSettings(Table):
+    """How pictures that were not taken at the same time are brought together."""
+
+    carry_edges: bool = Field(
+        True,
+        description="Move each shadow edge by its own velocity to the time that all cameras stand "
+        "for. It does nothing while a common trigger takes the pictures together.",
+    )
+
+
+class DirtSettings(Table):
+    """How dirt that hangs before the strip is told from touches."""
+
+    after_s: float = Field(
+        60.0,
+        ge=1.0,
+        le=1_000_000.0,
+        description="A shadow that stands still for so long, and that no touch explains, is taken "
+        "for dirt: the status tells it, and touches go on without it.",
     )
 
 
@@ -157,6 +226,25 @@ class CrossingSettings(Table):
         description="Standard deviation of the outline of what touches from a circle; fingers are "
         "not quite round.",
     )
+    palm_diameter_mm: float = Field(
+        22.0,
+        ge=1.0,
+        le=1000.0,
+        description="A contact wider than this in every direction is a palm, not a finger. A thumb "
+        "laid flat is 20 mm wide.",
+    )
+    palm_reach_mm: float = Field(
+        8.0,
+        ge=0.0,
+        le=1000.0,
+        description="Contacts as near as this to the outline of a palm belong to it.",
+    )
+    pen_diameter_mm: float = Field(
+        6.0,
+        ge=0.0,
+        le=100.0,
+        description="A contact thinner than this is a pen. Fingertips are 7 mm wide and more.",
+    )
     paper: PaperCrossingSettings = PaperCrossingSettings()
 
 
@@ -189,4 +277,48 @@ class TrackingSettings(Table):
         ge=0,
         le=100,
         description="Frames for which a touch that is not seen is carried on before it is lifted.",
+    )
+    report_palms: bool = Field(
+        False,
+        description="Report palms, arms and large objects as touches too. Otherwise what has been "
+        "a palm is none, even when it shrinks.",
+    )
+    smoothing: bool = Field(
+        True,
+        description="Smooth what is reported: the 1€ filter of Casiez, Roussel and Vogel (2012). "
+        "The first report of a touch is never smoothed.",
+    )
+    min_cutoff_hz: float = Field(
+        1.0,
+        ge=0.01,
+        le=1000.0,
+        description="Cutoff of the filter for a finger that is still. Lower it against jitter, "
+        "raise it against lag of slow moves.",
+    )
+    beta: float = Field(
+        1.5,
+        ge=0.0,
+        le=1000.0,
+        description="By how many Hz the cutoff rises with each mm/s. A moving finger lags by at "
+        "most 0.16 mm divided by this.",
+    )
+    derivative_cutoff_hz: float = Field(
+        2.0,
+        ge=0.01,
+        le=1000.0,
+        description="Cutoff of the filter for the speed that moves the other cutoff.",
+    )
+    dead_band_mm: float = Field(
+        0.08,
+        ge=0.0,
+        le=10.0,
+        description="A finger that is still has to move so far before its report does; then it is "
+        "followed until it is still again. 0: reports never rest.",
+    )
+    predict_ms: float = Field(
+        0.0,
+        ge=0.0,
+        le=100.0,
+        description="Report where a moving finger will be after this time, to make up for the "
+        "delay of a display. Quick turns and stops overshoot.",
     )

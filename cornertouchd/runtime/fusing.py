@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from cornertouchd.calibration.drift import Drift
+from cornertouchd.fusion.dirt import Dirt
 from cornertouchd.fusion.pairing import FrameSetPairing
 from cornertouchd.model import Contact, FrameSet, Observation, Touch, TouchFrame
 from cornertouchd.pipeline import SurfacePipeline
@@ -78,6 +79,7 @@ class FusionThread:
         self._frame_sets = self._partial = self._skipped = self._skipped_in_a_row = 0
         self._touches_begun = self._touches_now = self._dropped = 0
         self._drift: Drift | None = None
+        self._dirt: tuple[Dirt, ...] = ()
 
     def start(self) -> None:
         """Begin to fuse."""
@@ -107,6 +109,11 @@ class FusionThread:
     def drift(self) -> Drift | None:
         """The camera that has moved since it was calibrated.  Any thread may ask."""
         return self._drift
+
+    @property
+    def dirt(self) -> tuple[Dirt, ...]:
+        """What hangs before the strip.  Any thread may ask."""
+        return self._dirt
 
     def _run(self) -> None:
         for sink in self._sinks:
@@ -166,6 +173,7 @@ class FusionThread:
         self._begun = ids
         self._touches_now = len(ids)
         self._watch_drift(frame_set, contacts, touches)
+        self._tell_dirt(self._pipeline.dirt)
 
     def _watch_drift(
         self, frame_set: FrameSet, contacts: tuple[Contact, ...], touches: tuple[Touch, ...]
@@ -186,6 +194,22 @@ class FusionThread:
             _log.warning("%s", drift)
         else:
             _log.warning("touches fit the calibration again")
+
+    def _tell_dirt(self, dirt: tuple[Dirt, ...]) -> None:
+        if dirt is self._dirt:
+            return
+        before, self._dirt = self._dirt, dirt
+        for piece in dirt:
+            if piece not in before:
+                _log.warning("%s", piece)
+        for piece in before:
+            if piece not in dirt:
+                _log.warning(
+                    "camera %s: the strip is clear again at columns %.0f..%.0f",
+                    piece.camera,
+                    piece.left_px,
+                    piece.right_px,
+                )
 
     def _skip(self, frame_set: FrameSet) -> None:
         self._skipped += 1

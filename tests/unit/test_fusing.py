@@ -8,6 +8,7 @@ import pytest
 
 from cornertouchd.calibration.drift import Drift
 from cornertouchd.config import PairingSettings
+from cornertouchd.fusion.dirt import Dirt
 from cornertouchd.fusion.pairing import FrameSetPairing
 from cornertouchd.model import Contact, FrameSet, Observation, Shadows, Touch, TouchFrame
 from cornertouchd.runtime.clock import MonotonicClock
@@ -57,6 +58,7 @@ class StubSurface:
         self.broken = self.drift_broken = False
         self.resets = 0
         self.drift: Drift | None = None
+        self.dirt: tuple[Dirt, ...] = ()
 
     def follow(self, frame_set: FrameSet) -> tuple[tuple[Contact, ...], tuple[Touch, ...]]:
         if self.broken:
@@ -183,6 +185,22 @@ def test_a_drift_is_told_once_and_so_is_its_end(
         "camera C3 has moved about 0.8 mm; recalibrate",
         "touches fit the calibration again",
     ]
+
+
+def test_dirt_is_told_when_it_is_found_and_when_it_is_gone(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    gum = Dirt("C2", 201.0, 206.0, 7.0, 60.0)
+    for number, dirt in enumerate([(gum,), (gum,), ()]):
+        bench.surface.dirt = dirt
+        bench.see(7.0 + number)
+        bench.sink.wait_until(lambda sink, sent=number + 1: len(sink.frames) == sent)
+        bench.wait_for_counts(lambda counts, sets=number + 1: counts.frame_sets == sets)
+    bench.see(20.0)
+    bench.sink.wait_until(lambda sink: len(sink.frames) == 4)
+    told = [record.message for record in caplog.records]
+    assert told == [str(gum), "camera C2: the strip is clear again at columns 201..206"]
+    assert bench.thread.dirt == ()
 
 
 def test_a_watch_for_drift_that_raises_costs_no_touch(
