@@ -240,7 +240,8 @@ def test_pictures_taken_one_after_the_other_while_a_finger_flies_decide_nothing(
 def test_several_touches_at_a_time_decide_nothing() -> None:
     bench = Bench()
     seen = tuple(
-        Observation(camera, 0, 1.0, Shadows.of([bench.shadow(camera, 100, 100)])) for camera in bench.cameras
+        Observation(camera, 0, 1.0, Shadows.of([bench.shadow(camera, 100, 100)]))
+        for camera in bench.cameras
     )
     contacts = tuple(Contact(x, 100.0, 10.0, bench.cameras, 1.0, 0.1) for x in (100.0, 200.0))
     touches = tuple(Touch(n, 100.0 * n, 100.0, 0.0, 0.0, 0.1) for n in (1, 2))
