@@ -36,8 +36,9 @@ def run(config_file: Path | None) -> None:
     calibration = find_calibration(settings, os.environ)
     display = find_display(settings, os.environ)
     with StopSignal() as stop:
+        ports = make_ports(settings, clock)
         daemon = Daemon(
-            make_ports(settings, clock),
+            ports,
             calibration,
             [make_tuio_sink(settings, calibration.surface_mm, config_name(path), display)],
             settings,
@@ -45,7 +46,7 @@ def run(config_file: Path | None) -> None:
         )
         _log.info(
             "running: %d cameras, TUIO to %s",
-            len(calibration.cameras),
+            len(ports),
             ", ".join(f"{to.host}:{to.port}" for to in settings.tuio.destinations) or "nobody",
         )
         work(daemon, stop, None, lambda _: None)

@@ -133,10 +133,12 @@ class Background:
         """The columns of the strip that tell nothing now, from left to right."""
         reference, known = self._reference, self._known
         strip = reference.on_strip
+        ends = np.flatnonzero(strip)[[0, -1]]
         usual = max(float(np.median(reference.light[strip])), 1.0)
         dim = [
             MaskedColumns(first, last, _how_dim(reference.light[first : last + 1] / usual))
             for first, last in _runs(strip & ~reference.usable)
+            if first > ends[0] and last < ends[1]  # where the view ends the strip fades
         ]
         bright = [
             MaskedColumns(first, last, "at full scale, by light from outside")
