@@ -10,6 +10,7 @@ from cornertouchd.fusion.track_rows import (
     CAMERAS,
     CONFIDENCE,
     CONTINUES,
+    FINGER_S,
     ID,
     IS_PALM,
     LOG_ODDS,
@@ -50,6 +51,10 @@ CONFIDENCE_WITHOUT_CONFIRMATION = 0.5
 CAMERAS_THAT_CONFIRM = 3
 # One frame set may take two fingers that meet for a palm.
 PALMS_THAT_LATCH = 2
+# A hand that lifts looks like a finger for less than a fifth of a second.  What is one for longer
+# was no palm, or the hand has left a finger where it lay.
+FINGER_AGAIN_AFTER_S = 0.5
+EDGES_OF_A_CLEAR_FINGER = 4.0
 
 
 @inlined
@@ -81,7 +86,7 @@ def start_believing(track: FloatArray, contact: FloatArray) -> None:
     track[ID] = 0.0
     track[LOG_ODDS] = LEAST_LOG_ODDS
     track[SEEN] = 1.0
-    track[MISSED] = track[UNSUPPORTED_S] = track[PALMS_IN_A_ROW] = 0.0
+    track[MISSED] = track[UNSUPPORTED_S] = track[PALMS_IN_A_ROW] = track[FINGER_S] = 0.0
     track[PALM_RADIUS] = contact[AT_RADIUS] if contact[IS_PALM] > 0.0 else 0.0
 
 
@@ -92,13 +97,25 @@ def believe_from_now_on(track: FloatArray, contact: FloatArray) -> None:
 
 
 @inlined
+def _stay_palm(track: FloatArray, contact: FloatArray, elapsed_s: float) -> None:
+    """Weigh whether what has been a palm is one still."""
+    if contact[IS_PALM] > 0.0:
+        track[PALM_RADIUS] = max(track[PALM_RADIUS], contact[AT_RADIUS])
+        track[FINGER_S] = 0.0
+    elif contact[OWN_EDGES] >= EDGES_OF_A_CLEAR_FINGER:
+        track[FINGER_S] += elapsed_s
+    if track[FINGER_S] > FINGER_AGAIN_AFTER_S:
+        track[PALM_RADIUS] = track[FINGER_S] = 0.0
+
+
+@inlined
 def believe(track: FloatArray, contact: FloatArray, elapsed_s: float) -> None:
     """Weigh what a contact tells about the touch that it continues."""
     track[SEEN] += 1.0
     track[MISSED] = track[PALMS_IN_A_ROW] = 0.0
     track[UNSUPPORTED_S] = 0.0 if _is_supported(contact) else track[UNSUPPORTED_S] + elapsed_s
     if is_palm(track):
-        track[PALM_RADIUS] = max(track[PALM_RADIUS], contact[AT_RADIUS])
+        _stay_palm(track, contact, elapsed_s)
     elif not is_reported(track):
         return
     surplus = _surplus(contact)

@@ -27,6 +27,10 @@ EDGES_OF_A_FINGER = 4
 """A contact of a finger's size that owns so many edges is one: fingers in a row look like a palm to
 cameras that all see them askew."""
 
+CAMERAS_OF_A_PALM = 3
+CAMERAS_OF_AN_ARM = 2
+"""A finger that a crowd hides from most cameras stands amid wide shadows, too."""
+
 PEN_SIGMA_MM = 0.5
 """A contact known no better than this may be a finger of which too few edges are seen."""
 
@@ -88,13 +92,14 @@ class KindsOfContacts:
         if not wide:
             return crossed
         sections = _sections({n: contacts[n] for n in wide}, directing_lines)
-        palms = self._find_palms(crossed, sections)
+        palms = self._find_palms(crossed, sections, len(directing_lines))
         parts = {part for palm in palms for part in palm.parts}
         others = [number for number in range(len(contacts)) if number not in parts]
         arms = [
             contacts[number]
             for number in set(wide) - parts
-            if not self._is_slim(sections[number])
+            if len(contacts[number].cameras) >= CAMERAS_OF_AN_ARM
+            and not self._is_slim(sections[number])
             and (around[number] == "cut off" or contacts[number].diameter_mm > self._palm_mm)
         ]
         told = [self._palm(palm, contacts) for palm in palms]
@@ -113,16 +118,21 @@ class KindsOfContacts:
             shadow = shadow_at(contact.x_mm, contact.y_mm, camera)
             if shadow is None:
                 return "narrow"
+            is_first, is_last = shadow == 0, shadow == len(camera.first_rad) - 1
             if camera.first_valid[shadow] and camera.last_valid[shadow]:
                 width_rad = camera.last_rad[shadow] - camera.first_rad[shadow]
                 distance_mm = hypot(contact.x_mm - camera.x_mm, contact.y_mm - camera.y_mm)
                 if distance_mm * width_rad <= self._palm_mm:
                     return "narrow"
-            elif camera.first_valid[shadow] or camera.last_valid[shadow]:
+            elif (camera.last_valid[shadow] and is_first) or (
+                camera.first_valid[shadow] and is_last
+            ):
                 around = "cut off"
         return around
 
-    def _find_palms(self, crossed: Crossed, sections: Mapping[int, Section | None]) -> list[_Palm]:
+    def _find_palms(
+        self, crossed: Crossed, sections: Mapping[int, Section | None], cameras: int
+    ) -> list[_Palm]:
         """Return the palms among the sections around contacts, with all parts of each."""
         palms: list[_Palm] = []
         left = np.argsort(-crossed.supports, kind="stable").tolist()
@@ -134,7 +144,9 @@ class KindsOfContacts:
                 for n in left
                 if n == number or self._is_part(crossed.contacts[n], section, is_wide=n in sections)
             ]
-            if any(_is_clear_finger(crossed, part) for part in parts):
+            if any(_is_clear_finger(crossed, part) for part in parts) or not _is_shown(
+                [crossed.contacts[part] for part in parts], cameras
+            ):
                 continue
             left = [n for n in left if n not in parts]
             palms.append(_Palm(section, tuple(parts)))
@@ -187,6 +199,12 @@ def _is_clear_finger(crossed: Crossed, number: int) -> bool:
         crossed.own_edges[number] >= EDGES_OF_A_FINGER
         and crossed.contacts[number].diameter_mm <= LARGEST_FINGER_MM
     )
+
+
+def _is_shown(parts: Sequence[Contact], cameras: int) -> bool:
+    """Tell whether so many of the cameras see edges of the parts that no crowd hides them."""
+    seeing = {camera for part in parts for camera in part.cameras}
+    return len(seeing) >= min(CAMERAS_OF_A_PALM, cameras)
 
 
 def _sections(

@@ -32,6 +32,7 @@ from cornertouchd.model import FloatArray
     UNSUPPORTED_S,
     PALMS_IN_A_ROW,
     PALM_RADIUS,
+    FINGER_S,
     # smoothing: what the filter took in last and gave out last, what it rests on,
     # and what a report that has just begun to move has still to make up for
     TAKEN_AT_S,
@@ -47,8 +48,8 @@ from cornertouchd.model import FloatArray
     REST_SINCE_S,
     BEHIND_X,
     BEHIND_Y,
-) = range(34)
-TRACK_COLUMNS = 34
+) = range(35)
+TRACK_COLUMNS = 35
 TOLD_COLUMNS = 6
 
 (

@@ -201,8 +201,15 @@ class TestBelief:
 class TestPalms:
     def test_a_palm_is_no_touch_nor_is_the_finger_that_it_shrinks_to(self) -> None:
         following = Following()
-        lifting = [palm_at(100.0, 100.0)] * 5 + [at(100.0, 100.0)] * 50
+        lifting = [palm_at(100.0, 100.0)] * 5 + [at(100.0, 100.0)] * 45
         assert not any(following.see(contact) for contact in lifting)
+
+    def test_what_is_a_clear_finger_for_half_a_second_was_no_palm(self) -> None:
+        following = Following()
+        seen = [palm_at(100.0, 100.0)] * 5 + [at(100.0, 100.0)] * 60
+        reports = [following.see(contact) for contact in seen]
+        assert ids(reports[49]) == []
+        assert ids(reports[-1]) == [1]
 
     def test_what_a_palm_falls_apart_into_is_none_either(self) -> None:
         following = Following()
