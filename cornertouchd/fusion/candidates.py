@@ -1,252 +1,179 @@
 """Candidates: the discs that could stand in the cells and cast some of their edges.
 
-Three tangents fix a disc, and so do two when its size is guessed.  All of them are tried in every
-cell, because any edge of the cell may belong to another contact; each set of edges that a disc
-touches at once is kept once, and the disc is fitted to all of them.
+Each seed is fitted to all the edges that it touches.
 """
-
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cache
-from itertools import combinations
 
 import numpy as np
 
-from cornertouchd.fusion.cells import GATE_SIGMAS, CellRows, DiscLimits, rows_of_cells
+from cornertouchd.compiling import inlined
+from cornertouchd.fusion.cells import DiscBounds
 from cornertouchd.fusion.crossed import IntArray
-from cornertouchd.fusion.edge_rows import EdgeRows
-from cornertouchd.geometry import line_crossings
-from cornertouchd.model import BoolArray, FloatArray
+from cornertouchd.fusion.edge_rows import (
+    GATE_SIGMAS,
+    NO_SHADOW,
+    EdgeRows,
+    row_of_three,
+    variance_of,
+)
+from cornertouchd.fusion.pool import (
+    COST_OF_AN_EDGE,
+    FINGER_RADII_MM,
+    SIZE_SIGMA_MM,
+    Pool,
+    copy_disc,
+    cost_of_edge,
+    empty_pool,
+    is_possible,
+    write_misfits,
+)
+from cornertouchd.fusion.seeds import MOST_SEEDS_OF_A_CELL, find_seeds
+from cornertouchd.model import FloatArray
 
-# A finger tip's section: discs between these radii are equally likely, those beside them less so
-# with this standard deviation.  It decides only where edges leave the size open, as four do that
-# opposite cameras see from the same side.  Changing any by half moves F1 by less than 1 %.
-FINGER_RADII_MM = (3.5, 8.5)
-SIZE_SIGMA_MM = 1.5
 # A disc that is known no better than this is a guess along a line.
 LARGEST_POSITION_SIGMA_MM = 6.0
-# Below these, three tangents (as a determinant) or two (as a sine) do not fix a disc.
-SMALLEST_DETERMINANT = 0.01
-SMALLEST_SINE = 0.05
-# What an edge costs that no disc explains, in negative log likelihood: from 2.8 sigmas on it is as
-# cheap to leave the edge alone.  Found together with the costs of selection.
-COST_OF_AN_EDGE = 4.0
 # Discs whose fits differ by less are the same disc.  Ten times more loses one pair of touching
 # fingers in fifty.
 NEGLIGIBLE_COST = 0.1
-# About 50 for ten contacts, 150 for twenty.
-MOST_CANDIDATES = 1500
+# Two parallel tangents leave a direction open; far below what any edge weighs.
+LEAST_WEIGHT = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class Candidates:
-    """K discs (K, 3) as x, y, r, with the rows of their cells.
+@inlined
+def find_candidates(
+    rows: EdgeRows, cells: IntArray, bounds: DiscBounds, pool: Pool, count: int
+) -> int:
+    """Add the discs that lie in the cells (T, C) and touch two of their edges at least.
 
-    `tangent` (K, 2 C) marks the rows that a disc touches and `z` (K, 2 C) holds the slack in
-    sigmas; `position_sigma_mm` is (K,).  `missed` (K,) marks discs that not all cameras show.
+    `count` discs are in the pool; returns how many are then.
     """
-
-    discs: FloatArray
-    rows: CellRows
-    z: FloatArray
-    tangent: BoolArray
-    position_sigma_mm: FloatArray
-    missed: BoolArray
-
-    def __len__(self) -> int:
-        return len(self.discs)
-
-    def take(self, index: IntArray | BoolArray) -> "Candidates":
-        """Return the candidates at `index`."""
-        return Candidates(
-            discs=self.discs[index],
-            rows=self.rows.take(index),
-            z=self.z[index],
-            tangent=self.tangent[index],
-            position_sigma_mm=self.position_sigma_mm[index],
-            missed=self.missed[index],
-        )
-
-
-def joined(parts: Sequence[Candidates]) -> Candidates:
-    """Return the candidates of all parts, of which there is at least one, in order."""
-    rows = [part.rows for part in parts]
-    return Candidates(
-        discs=np.concatenate([part.discs for part in parts]),
-        rows=CellRows(
-            edges=np.concatenate([part.edges for part in rows]),
-            normals=np.concatenate([part.normals for part in rows]),
-            offsets_mm=np.concatenate([part.offsets_mm for part in rows]),
-            sigma_rad=np.concatenate([part.sigma_rad for part in rows]),
-            valid=np.concatenate([part.valid for part in rows]),
-            origins_mm=rows[0].origins_mm,
-        ),
-        z=np.concatenate([part.z for part in parts]),
-        tangent=np.concatenate([part.tangent for part in parts]),
-        position_sigma_mm=np.concatenate([part.position_sigma_mm for part in parts]),
-        missed=np.concatenate([part.missed for part in parts]),
-    )
+    cameras = cells.shape[1]
+    seeds, seed_count = find_seeds(rows, cells, bounds)
+    fits = empty_pool(MOST_SEEDS_OF_A_CELL, cameras)
+    order, costs = np.empty(MOST_SEEDS_OF_A_CELL, np.intp), np.empty(MOST_SEEDS_OF_A_CELL)
+    fitted = 0
+    for number in range(seed_count):
+        cell = seeds.cells[number]
+        for camera in range(cameras):
+            fits.shadows[fitted, camera] = cells[cell, camera]
+        for column in range(3):
+            fits.discs[fitted, column] = seeds.discs[number, column]
+        if _fit(rows, bounds, seeds.edges[number], fits, fitted):
+            fitted += 1
+        if number + 1 == seed_count or seeds.cells[number + 1] != cell:
+            _order_by_cost(fits.misfits, fitted, order, costs)
+            for place in range(fitted):
+                if count < len(pool.own) and not _is_dominated(fits.misfits, order, place):
+                    copy_disc(pool, count, fits, order[place])
+                    count += 1
+            fitted = 0
+    return count
 
 
-def find_candidates(rows: EdgeRows, cells: IntArray, limits: DiscLimits) -> Candidates:
-    """Return the discs that lie in the cells (T, C) and touch at least two of their edges."""
-    cell_rows = rows_of_cells(rows, cells)
-    discs, cell = _discs_from_tangents(cell_rows, limits)
-    discs, cell, tangent = _one_per_set_of_edges(discs, cell, cell_rows, limits)
-    candidates = _fitted(discs, cell_rows.take(cell), tangent, limits)
-    plausible = _plausible(candidates, limits)
-    return _without_dominated(candidates.take(plausible), cell[plausible])
+@inlined
+def _fit(rows: EdgeRows, bounds: DiscBounds, edges: int, fits: Pool, place: int) -> bool:
+    """Fit a disc to the edges that it touches, twice: the fit may gain or lose an edge.
 
-
-def size_excess_mm(radii_mm: FloatArray) -> FloatArray:
-    """Return by how much radii lie beside those of fingers."""
-    smallest, largest = FINGER_RADII_MM
-    excess: FloatArray = np.maximum(smallest - radii_mm, 0.0) + np.maximum(radii_mm - largest, 0.0)
-    return excess
-
-
-@cache
-def _triples(edge_count: int) -> IntArray:
-    return np.array(list(combinations(range(edge_count), 3)), dtype=np.intp).reshape(-1, 3)
-
-
-@cache
-def _pairs_across_cameras(edge_count: int) -> IntArray:
-    pairs = [(a, b) for a, b in combinations(range(edge_count), 2) if a // 2 != b // 2]
-    return np.array(pairs, dtype=np.intp).reshape(-1, 2)
-
-
-def _discs_from_tangents(cells: CellRows, limits: DiscLimits) -> tuple[FloatArray, IntArray]:
-    """Return the discs (V, 3) that three tangents, or two and a guessed size, fix; their cells."""
-    by_three, cells_of_three = _discs_touching_three(cells)
-    by_two, cells_of_two = _discs_touching_two(cells, float(np.mean(FINGER_RADII_MM)))
-    discs = np.concatenate([by_three, by_two])
-    cell = np.concatenate([cells_of_three, cells_of_two])
-    possible = (
-        (discs[:, 2] > limits.smallest_radius_mm)
-        & (discs[:, 2] < limits.largest_radius_mm)
-        & limits.on_surface(discs[:, :2])
-    )
-    return discs[possible], cell[possible]
-
-
-def _discs_touching_three(cells: CellRows) -> tuple[FloatArray, IntArray]:
-    """Take the first tangent's row from the other two, solve those for x and y, then it for r."""
-    triples = _triples(cells.valid.shape[1])
-    cell, triple = np.nonzero(np.all(cells.valid[:, triples], axis=2))
-    edge = triples[triple].T
-    n, h = cells.normals[cell, edge], cells.offsets_mm[cell, edge]
-    centres, determinants = line_crossings(n[1] - n[0], h[1] - h[0], n[2] - n[0], h[2] - h[0])
-    radii = np.einsum("vi,vi->v", n[0], centres) - h[0]
-    regular = np.abs(determinants) > SMALLEST_DETERMINANT
-    return np.column_stack([centres, radii])[regular], cell[regular]
-
-
-def _discs_touching_two(cells: CellRows, radius_mm: float) -> tuple[FloatArray, IntArray]:
-    pairs = _pairs_across_cameras(cells.valid.shape[1])
-    cell, pair = np.nonzero(np.all(cells.valid[:, pairs], axis=2))
-    edge = pairs[pair].T
-    n, h = cells.normals[cell, edge], cells.offsets_mm[cell, edge] + radius_mm
-    centres, sines = line_crossings(n[0], h[0], n[1], h[1])
-    regular = np.abs(sines) > SMALLEST_SINE
-    return np.insert(centres, 2, radius_mm, axis=1)[regular], cell[regular]
-
-
-def _one_per_set_of_edges(
-    discs: FloatArray, cell: IntArray, cells: CellRows, limits: DiscLimits
-) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Keep the discs inside their cells, the first of those that touch the same edges."""
-    rows = cells.take(cell)
-    slack, sigma = rows.slacks(discs, limits.shape_sigma_mm)
-    inside = rows.contain(discs, slack, sigma)
-    tangent = (np.abs(slack) < GATE_SIGMAS * sigma) & rows.valid
-    keys = cell * (1 << tangent.shape[1]) + _as_bits(tangent)
-    _, first = np.unique(keys[inside], return_index=True)
-    kept = np.flatnonzero(inside)[first]
-    if len(kept) > MOST_CANDIDATES:
-        best = np.argsort(-np.count_nonzero(tangent[kept], axis=1), kind="stable")
-        kept = kept[np.sort(best[:MOST_CANDIDATES])]
-    return discs[kept], cell[kept], tangent[kept]
-
-
-def _as_bits(marks: BoolArray) -> IntArray:
-    """Return each row of marks (N, M) as one number."""
-    return marks @ (1 << np.arange(marks.shape[1], dtype=np.intp))
-
-
-def _fitted(
-    discs: FloatArray, rows: CellRows, tangent: BoolArray, limits: DiscLimits
-) -> Candidates:
-    """Fit each disc to the edges that it touches, twice: the fit may gain or lose an edge."""
-    design = np.concatenate([rows.normals, np.full((*rows.valid.shape, 1), -1.0)], axis=2)
-    position_sigma_mm = np.empty(len(discs))
+    Tells whether the disc is one that could be there.
+    """
+    for row in range(fits.misfits.shape[1]):
+        fits.misfits[place, row] = 0.0 if (edges >> row) & 1 else np.inf
+    inside, position_variance = False, 0.0
     for _ in range(2):
-        _, sigma = rows.slacks(discs, limits.shape_sigma_mm)
-        weights = tangent / sigma**2
-        weighted = np.swapaxes(design * weights[:, :, None], 1, 2)
-        information = weighted @ design
-        moments = (weighted @ rows.offsets_mm[:, :, None])[:, :, 0]
-        information[:, 2, 2] += SIZE_SIGMA_MM**-2
-        moments[:, 2] += SIZE_SIGMA_MM**-2 * np.clip(discs[:, 2], *FINGER_RADII_MM)
-        # two parallel tangents leave a direction open; far below what any edge weighs
-        information[:, (0, 1), (0, 1)] += 1e-6
-        covariance = np.linalg.inv(information)
-        discs = np.einsum("nij,nj->ni", covariance, moments)
-        slack, sigma = rows.slacks(discs, limits.shape_sigma_mm)
-        tangent = (np.abs(slack) < GATE_SIGMAS * sigma) & rows.valid
-        position_sigma_mm = np.sqrt(np.max(covariance[:, (0, 1), (0, 1)], axis=1))
-    return Candidates(
-        discs=discs,
-        rows=rows,
-        z=slack / sigma,
-        tangent=tangent,
-        position_sigma_mm=position_sigma_mm,
-        missed=np.zeros(len(discs), dtype=np.bool_),
+        position_variance = _move_to_edges(rows, bounds.shape_variance_mm2, fits, place)
+        inside = write_misfits(fits, place, rows, bounds.shape_variance_mm2)
+    touched = 0
+    for row in range(fits.misfits.shape[1]):
+        touched += int(fits.misfits[place, row] < GATE_SIGMAS)
+    x, y, radius = row_of_three(fits.discs, place)
+    return (
+        inside
+        and is_possible(bounds, x, y, radius)
+        and touched >= 2
+        and position_variance < LARGEST_POSITION_SIGMA_MM**2
     )
 
 
-def _plausible(candidates: Candidates, limits: DiscLimits) -> BoolArray:
-    discs = candidates.discs
-    slack, sigma = candidates.rows.slacks(discs, limits.shape_sigma_mm)
-    plausible: BoolArray = (
-        candidates.rows.contain(discs, slack, sigma)
-        & (discs[:, 2] > limits.smallest_radius_mm)
-        & (discs[:, 2] < limits.largest_radius_mm)
-        & limits.on_surface(discs[:, :2])
-        & (np.count_nonzero(candidates.tangent, axis=1) >= 2)
-        & (candidates.position_sigma_mm < LARGEST_POSITION_SIGMA_MM)
-    )
-    return plausible
+@inlined
+def _move_to_edges(rows: EdgeRows, shape_variance_mm2: float, fits: Pool, place: int) -> float:
+    """Move a disc to where its edges want it; return the larger variance of x and y."""
+    misfits, shadows, lines = fits.misfits, fits.shadows, rows.lines
+    eyes, shadow_table = rows.eyes, rows.shadows
+    x, y, radius = row_of_three(fits.discs, place)
+    xx = yy = LEAST_WEIGHT
+    xy = xr = yr = x_moment = y_moment = 0.0
+    rr = SIZE_SIGMA_MM**-2
+    r_moment = rr * min(max(radius, FINGER_RADII_MM[0]), FINGER_RADII_MM[1])
+    for row in range(misfits.shape[1]):
+        shadow = shadows[place, row // 2]
+        if shadow == NO_SHADOW:
+            continue
+        variance = shape_variance_mm2 + variance_of(eyes, shadow_table, row // 2, shadow, x, y)
+        weight = (1.0 if misfits[place, row] < np.inf else 0.0) / variance
+        nx, ny, h = row_of_three(lines, 2 * shadow + row % 2)
+        xx += weight * nx * nx
+        xy += weight * nx * ny
+        yy += weight * ny * ny
+        xr -= weight * nx
+        yr -= weight * ny
+        rr += weight
+        x_moment += weight * nx * h
+        y_moment += weight * ny * h
+        r_moment -= weight * h
+    return solve_disc((xx, xy, xr, yy, yr, rr), (x_moment, y_moment, r_moment), fits.discs, place)
 
 
-def edge_costs(candidates: Candidates) -> FloatArray:
-    """Return what the edges cost with each candidate, (K, 2 C): z**2 / 2 where it touches them."""
-    cost = np.minimum(0.5 * candidates.z**2, COST_OF_AN_EDGE)
-    return np.where(candidates.tangent, cost, COST_OF_AN_EDGE)
+@inlined
+def solve_disc(
+    information: tuple[float, float, float, float, float, float],
+    moments: tuple[float, float, float],
+    discs: FloatArray,
+    place: int,
+) -> float:
+    """Solve the normal equations of x, y, r; write the disc, return the larger variance of x and y.
+
+    `information` is the upper triangle of their symmetric matrix, row by row.
+    """
+    xx, xy, xr, yy, yr, rr = information
+    x_moment, y_moment, r_moment = moments
+    cxx, cxy, cxr = yy * rr - yr * yr, xr * yr - xy * rr, xy * yr - xr * yy
+    cyy, cyr, crr = xx * rr - xr * xr, xy * xr - xx * yr, xx * yy - xy * xy
+    determinant = xx * cxx + xy * cxy + xr * cxr
+    discs[place, 0] = (cxx * x_moment + cxy * y_moment + cxr * r_moment) / determinant
+    discs[place, 1] = (cxy * x_moment + cyy * y_moment + cyr * r_moment) / determinant
+    discs[place, 2] = (cxr * x_moment + cyr * y_moment + crr * r_moment) / determinant
+    return max(cxx, cyy) / determinant
 
 
-def _without_dominated(candidates: Candidates, cell: IntArray) -> Candidates:
-    """Drop a disc if another of its cell touches all its edges, and no edge of them much worse.
+@inlined
+def _order_by_cost(misfits: FloatArray, fitted: int, order: IntArray, costs: FloatArray) -> None:
+    """Write the numbers of the discs of a cell, the cheapest first."""
+    for number in range(fitted):
+        costs[number] = 0.0
+        for row in range(misfits.shape[1]):
+            costs[number] += cost_of_edge(misfits[number, row])
+        place = number
+        while place > 0 and costs[order[place - 1]] > costs[number]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = number
+
+
+@inlined
+def _is_dominated(misfits: FloatArray, order: IntArray, place: int) -> bool:
+    """Tell whether a cheaper disc touches all edges of this one, and no edge of them much worse.
 
     The fit counts: of two fingers side by side each touches its edges exactly, while a large disc
     over both touches all edges, and some of them badly.
     """
-    cost = edge_costs(candidates)
-    order = np.lexsort((cost.sum(axis=1), cell))
-    cost, cell, tangent = cost[order], cell[order], candidates.tangent[order]
-    edges = _as_bits(tangent)
-    same_cell = cell[:, None] == cell[None, :]
-    touches_no_more = (edges[:, None] & edges[None, :]) == edges[:, None]
-    fits_no_better = _excess_cost(cost, tangent) < NEGLIGIBLE_COST
-    is_dearer = np.tri(len(order), k=-1, dtype=np.bool_)
-    dominated = np.any(same_cell & touches_no_more & fits_no_better & is_dearer, axis=1)
-    return candidates.take(order[~dominated])
-
-
-def _excess_cost(cost: FloatArray, tangent: BoolArray) -> FloatArray:
-    """Return what the edges that disc i touches would cost more with disc j instead, (K, K)."""
-    excess = np.zeros((len(cost), len(cost)))
-    for edge in range(cost.shape[1]):
-        more = np.maximum(cost[None, :, edge] - cost[:, None, edge], 0.0)
-        excess += np.where(tangent[:, None, edge], more, 0.0)
-    return excess
+    disc = order[place]
+    for cheaper in range(place):
+        excess = 0.0
+        for row in range(misfits.shape[1]):
+            misfit, other = misfits[disc, row], misfits[order[cheaper], row]
+            if misfit < GATE_SIGMAS:
+                # an edge that the other does not touch is worse by far
+                excess += max(cost_of_edge(other) - cost_of_edge(misfit), 0.0)
+                excess += COST_OF_AN_EDGE * int(other == np.inf)
+        if excess < NEGLIGIBLE_COST:
+            return True
+    return False

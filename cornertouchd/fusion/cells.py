@@ -5,164 +5,276 @@ where a smallest disc fits that touches two edges finds the same ones in one pas
 edges, because a cell that holds such a disc lets it slide until it touches two edges.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.config import CrossingSettings
+from cornertouchd.compiling import inlined
 from cornertouchd.fusion.crossed import IntArray
-from cornertouchd.fusion.edge_rows import EdgeRows
-from cornertouchd.geometry import angles_and_distances, line_crossings
+from cornertouchd.fusion.edge_rows import (
+    GATE_SIGMAS,
+    NO_SHADOW,
+    EdgeRows,
+    shadow_at,
+    slack_of,
+    variance_of,
+)
+from cornertouchd.fusion.limits import SURFACE_MARGIN_MM
 from cornertouchd.model import BoolArray, FloatArray
 
-# A disc may reach this far into the light, a tangent may miss the disc by as much: 99.7 % of
-# honest edges.  Anything from 2 to 4 gives the same contacts.
-GATE_SIGMAS = 3.0
-# A finger at the very frame: shape and calibration may put its centre beside the surface.
-SURFACE_MARGIN_MM = 2.0
-# Nothing that touches is rounder; and a disc at a camera's pinhole has no other sigma.
-ROUNDEST_SIGMA_MM = 0.02
 # Edges closer to parallel than this (1.1 degrees) cross too far from where they touch.
 SMALLEST_SINE = 0.02
 # Ten contacts make about 16 cells, twenty about 65.  The rest of the work grows with the number of
 # ways to choose three edges of a cell, so the cap is on the product.
 MOST_CELLS_TIMES_TRIPLES = 512 * 56
+# Different cells of which the cap chooses; only broken strips have more.
+MOST_CELLS_MET = 4096
 
 
-@dataclass(frozen=True, slots=True)
-class DiscLimits:
-    """Where discs may lie, how large they may be, and how far from round."""
+class DiscBounds(NamedTuple):
+    """`DiscLimits` for compiled functions."""
 
-    surface_mm: tuple[float, float]
+    width_mm: float
+    height_mm: float
     smallest_radius_mm: float
     largest_radius_mm: float
-    shape_sigma_mm: float
-
-    def on_surface(self, points_mm: FloatArray) -> BoolArray:
-        """Tell which points (..., 2) lie on the surface, or just beside it."""
-        far_corner = np.asarray(self.surface_mm) + SURFACE_MARGIN_MM
-        inside: BoolArray = np.all(
-            (points_mm >= -SURFACE_MARGIN_MM) & (points_mm <= far_corner), axis=-1
-        )
-        return inside
+    shape_variance_mm2: float
 
 
-def disc_limits(settings: CrossingSettings, surface_mm: tuple[float, float]) -> DiscLimits:
-    """Take the limits of discs from the settings."""
-    return DiscLimits(
-        surface_mm=surface_mm,
-        smallest_radius_mm=settings.smallest_radius_mm,
-        largest_radius_mm=settings.largest_radius_mm,
-        shape_sigma_mm=max(settings.shape_sigma_mm, ROUNDEST_SIGMA_MM),
-    )
+class Wanted(NamedTuple):
+    """Which cameras to believe, (C,), and edges (2 S,) of which a cell must have some.
 
-
-@dataclass(frozen=True, slots=True)
-class CellRows:
-    """The 2 C edge rows of each of N cells (or of the cells of N discs), cameras in order.
-
-    `edges` (N, 2 C) are the numbers of the edges; `origins_mm` (C, 2) the cameras' positions.
+    That is `fewest`, in two cameras at least; with 0, every cell will do.
     """
 
-    edges: IntArray
-    normals: FloatArray
-    offsets_mm: FloatArray
-    sigma_rad: FloatArray
-    valid: BoolArray
-    origins_mm: FloatArray
-
-    def take(self, index: IntArray | BoolArray) -> "CellRows":
-        """Return the rows of the cells at `index`."""
-        return CellRows(
-            edges=self.edges[index],
-            normals=self.normals[index],
-            offsets_mm=self.offsets_mm[index],
-            sigma_rad=self.sigma_rad[index],
-            valid=self.valid[index],
-            origins_mm=self.origins_mm,
-        )
-
-    def slacks(self, discs: FloatArray, shape_sigma_mm: float) -> tuple[FloatArray, FloatArray]:
-        """Return the slack and its sigma in each row, (N, 2 C), for one disc (x, y, r) a cell."""
-        x, y, radius = discs[:, :1], discs[:, 1:2], discs[:, 2:]
-        across = self.normals[:, :, 0] * x + self.normals[:, :, 1] * y
-        slack: FloatArray = across - self.offsets_mm - radius
-        squared_distances = (x - self.origins_mm[:, 0]) ** 2 + (y - self.origins_mm[:, 1]) ** 2
-        variance = self.sigma_rad**2 * np.repeat(squared_distances, 2, axis=1) + shape_sigma_mm**2
-        sigma: FloatArray = np.sqrt(variance)
-        return slack, sigma
-
-    def contain(self, discs: FloatArray, slack: FloatArray, sigma: FloatArray) -> BoolArray:
-        """Tell which discs (N, 3) lie in their cell, (N,).
-
-        An edge that is not valid bounds nothing, but a disc wholly beyond it would not darken the
-        shadow at all and does not belong to it.
-        """
-        room = np.where(self.valid, slack, slack + 2.0 * discs[:, 2:])
-        inside: BoolArray = np.all(room >= -GATE_SIGMAS * sigma, axis=1)
-        return inside
+    believed: BoolArray
+    edges: BoolArray
+    fewest: int
 
 
-def rows_of_cells(rows: EdgeRows, cells: IntArray) -> CellRows:
-    """Return the rows of cells (N, C), which name one shadow of every camera."""
-    count, cameras = cells.shape
-    return CellRows(
-        edges=(2 * cells[:, :, None] + np.arange(2)).reshape(count, 2 * cameras),
-        normals=rows.normals[cells].reshape(count, 2 * cameras, 2),
-        offsets_mm=rows.offsets_mm[cells].reshape(count, 2 * cameras),
-        sigma_rad=np.repeat(rows.sigma_rad[cells], 2, axis=1),
-        valid=rows.valid[cells].reshape(count, 2 * cameras),
-        origins_mm=rows.positions_mm,
+@inlined
+def is_on_surface(bounds: DiscBounds, x_mm: float, y_mm: float) -> bool:
+    """Tell whether a place lies on the surface, or just beside it."""
+    return (
+        (x_mm >= -SURFACE_MARGIN_MM)
+        & (y_mm >= -SURFACE_MARGIN_MM)
+        & (x_mm <= bounds.width_mm + SURFACE_MARGIN_MM)
+        & (y_mm <= bounds.height_mm + SURFACE_MARGIN_MM)
     )
 
 
-def find_cells(rows: EdgeRows, limits: DiscLimits) -> IntArray:
-    """Return all cells that hold a disc of the smallest radius, as shadow numbers (T, C).
+@inlined
+def is_in_shadow(
+    lines: FloatArray,
+    valid: BoolArray,
+    shadow: int,
+    x_mm: float,
+    y_mm: float,
+    radius_mm: float,
+    variance_mm2: float,
+) -> bool:
+    """Tell whether a disc lies in a shadow, or protrudes no further than its edges are sure.
+
+    An edge that is not valid bounds nothing, but a disc wholly beyond it would not darken the
+    shadow at all and does not belong to it.
+    """
+    gate = GATE_SIGMAS**2 * variance_mm2
+    inside = True
+    for edge in range(2 * shadow, 2 * shadow + 2):
+        beyond = 0.0 if valid[edge] else 2.0 * radius_mm
+        room = slack_of(lines, edge, x_mm, y_mm, radius_mm) + beyond
+        inside &= (room >= 0.0) | (room * room <= gate)
+    return inside
+
+
+@inlined
+def find_cells(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> IntArray:
+    """Return all cells that hold a disc of the smallest radius, as shadow numbers (T, C), in order.
 
     There are none with fewer than two cameras.  When a frame set has more than the cap allows,
     those touched by the most pairs of edges are kept.
     """
-    centres = _discs_touching_two_edges(rows, limits.smallest_radius_mm)
-    centres = centres[limits.on_surface(centres)]
-    angles, _ = angles_and_distances(centres, rows.positions_mm)
-    shadows = _shadows_at(rows, rows.unwrap(angles))
-    discs = np.insert(centres, 2, limits.smallest_radius_mm, axis=1)
-    cell_rows = rows_of_cells(rows, shadows)
-    inside = cell_rows.contain(discs, *cell_rows.slacks(discs, limits.shape_sigma_mm))
-    return _most_touched(shadows[inside], rows)
+    cameras, radius_mm = len(rows.seeing), bounds.smallest_radius_mm
+    met = _CellsMet(
+        np.full(_table_size(rows, wanted), -1, np.intp),
+        np.empty((MOST_CELLS_MET, cameras), np.intp),
+        np.empty(MOST_CELLS_MET, np.intp),
+        np.empty(MOST_CELLS_MET, np.intp),
+    )
+    eyes, shadows, first_shadow = rows.eyes, rows.shadows, rows.first_shadow
+    lines, valid, believed = rows.lines, rows.valid, wanted.believed
+    shape_variance_mm2 = bounds.shape_variance_mm2
+    count = 0
+    cell = np.full(cameras, NO_SHADOW, np.intp)
+    order = np.empty(cameras, np.intp)
+    for a in range(cameras):
+        for b in range(a + 1, cameras):
+            if not (believed[a] and believed[b]):
+                continue
+            asked = _others_first(believed, a, b, order)
+            for i in range(2 * first_shadow[a], 2 * first_shadow[a + 1]):
+                if not valid[i]:
+                    continue
+                ax, ay, ah = lines[i, 0], lines[i, 1], lines[i, 2] + radius_mm
+                for j in range(2 * first_shadow[b], 2 * first_shadow[b + 1]):
+                    bx, by, bh = lines[j, 0], lines[j, 1], lines[j, 2] + radius_mm
+                    sine = ax * by - ay * bx
+                    x, y = (ah * by - bh * ay) / sine, (ax * bh - bx * ah) / sine
+                    inside = valid[j] & (abs(sine) > SMALLEST_SINE) & is_on_surface(bounds, x, y)
+                    if not inside:
+                        continue
+                    for place in range(asked):
+                        camera = order[place]
+                        shadow = shadow_at(eyes, shadows, first_shadow, camera, x, y)
+                        variance = shape_variance_mm2 + variance_of(
+                            eyes, shadows, camera, shadow, x, y
+                        )
+                        if not is_in_shadow(lines, valid, shadow, x, y, radius_mm, variance):
+                            inside = False
+                            break
+                        cell[camera] = shadow
+                    if inside and _is_wanted(wanted, cell):
+                        count = _meet(met, count, cell, first_shadow)
+    return _most_touched(met, count, _cap(believed))
 
 
-def _discs_touching_two_edges(rows: EdgeRows, radius_mm: float) -> FloatArray:
-    """Return the centres (P, 2) of the discs that touch two valid edges of different cameras."""
-    edges = np.flatnonzero(rows.valid.ravel())
-    camera = np.repeat(rows.camera_of_shadow, 2)[edges]
-    a, b = (edges[side] for side in np.nonzero(camera[:, None] < camera[None, :]))
-    n = rows.normals.reshape(-1, 2)
-    offsets = rows.offsets_mm.ravel() + radius_mm
-    points, sines = line_crossings(n[a], offsets[a], n[b], offsets[b])
-    return points[np.abs(sines) > SMALLEST_SINE]
+@inlined
+def _others_first(believed: BoolArray, a: int, b: int, order: IntArray) -> int:
+    """Write in which order to ask the cameras: a and b refuse least.  Return how many they are."""
+    count = 0
+    for camera in range(len(believed)):
+        if believed[camera] and camera not in (a, b):
+            order[count] = camera
+            count += 1
+    order[count], order[count + 1] = a, b
+    return count + 2
 
 
-def _shadows_at(rows: EdgeRows, angles_rad: FloatArray) -> IntArray:
-    """Return for each camera the shadow that begins before the angle, (P, C); else its first."""
-    shadows = np.empty(angles_rad.shape, dtype=np.intp)
-    for camera, (start, end) in enumerate(
-        zip(rows.first_shadow[:-1], rows.first_shadow[1:], strict=True)
-    ):
-        begun = np.searchsorted(rows.bounds_rad[start:end, 0], angles_rad[:, camera], side="right")
-        shadows[:, camera] = start + np.maximum(begun - 1, 0)
-    return shadows
+@inlined
+def _is_wanted(wanted: Wanted, cell: IntArray) -> bool:
+    if wanted.fewest == 0:
+        return True
+    edges = cameras = 0
+    for shadow in cell:
+        if shadow != NO_SHADOW:
+            first, last = wanted.edges[2 * shadow], wanted.edges[2 * shadow + 1]
+            edges += int(first) + int(last)
+            cameras += int(first or last)
+    return edges >= wanted.fewest and cameras >= 2
 
 
-def _most_touched(shadows: IntArray, rows: EdgeRows) -> IntArray:
-    """Return the different rows of `shadows` in ascending order, at most as many as the cap."""
-    sizes = np.diff(rows.first_shadow)
-    strides = np.cumprod(np.concatenate([sizes[1:], [1]])[::-1])[::-1]
-    keys = (shadows - rows.first_shadow[:-1]) @ strides
-    _, representatives, touched = np.unique(keys, return_index=True, return_counts=True)
-    edge_count = 2 * len(rows.cameras)
-    triples = edge_count * (edge_count - 1) * (edge_count - 2) // 6
-    cap = MOST_CELLS_TIMES_TRIPLES // max(triples, 1)
-    kept = np.sort(np.argsort(-touched, kind="stable")[:cap])
-    cells: IntArray = shadows[representatives[kept]]
+class _CellsMet(NamedTuple):
+    """Different cells in the order in which they were met, and a hash table to find them.
+
+    `table` holds their numbers, -1 where there is none; `cells` (M, C), `keys` and `touched` (M,).
+    """
+
+    table: IntArray
+    cells: IntArray
+    keys: IntArray
+    touched: IntArray
+
+
+@inlined
+def _table_size(rows: EdgeRows, wanted: Wanted) -> int:
+    """Return a power of two, twice the number of possible cells."""
+    possible = 1
+    for camera in range(len(rows.seeing)):
+        if wanted.believed[camera] and possible < MOST_CELLS_MET:
+            possible *= rows.first_shadow[camera + 1] - rows.first_shadow[camera]
+    size = 16
+    while size < 2 * min(possible, MOST_CELLS_MET):
+        size *= 2
+    return size
+
+
+@inlined
+def _meet(met: _CellsMet, count: int, cell: IntArray, first_shadow: IntArray) -> int:
+    """Count a pair of edges for the cell; return how many cells are known then."""
+    key = 0
+    for camera in range(len(cell)):
+        size = first_shadow[camera + 1] - first_shadow[camera]
+        place = 0 if cell[camera] == NO_SHADOW else cell[camera] - first_shadow[camera]
+        key = key * size + place
+    last_slot = len(met.table) - 1
+    slot = (key ^ (key >> 7)) & last_slot
+    while met.table[slot] >= 0:
+        number = met.table[slot]
+        if met.keys[number] == key:
+            met.touched[number] += 1
+            return count
+        slot = (slot + 1) & last_slot
+    if count == MOST_CELLS_MET:
+        return count
+    met.table[slot] = count
+    met.keys[count], met.touched[count] = key, 1
+    for camera in range(len(cell)):
+        met.cells[count, camera] = cell[camera]
+    return count + 1
+
+
+@inlined
+def _cap(believed: BoolArray) -> int:
+    edges = 0
+    for camera in range(len(believed)):
+        edges += 2 * int(believed[camera])
+    return MOST_CELLS_TIMES_TRIPLES // max(edges * (edges - 1) * (edges - 2) // 6, 1)
+
+
+@inlined
+def _most_touched(met: _CellsMet, count: int, cap: int) -> IntArray:
+    """Return the most touched cells by ascending key; of equally touched ones those first."""
+    order = sorted_by(met.keys, count)
+    scores = np.empty(count, np.intp)
+    for place in range(count):
+        scores[place] = met.touched[order[place]]
+    kept = best_of(scores, cap)
+    cells = np.empty((len(kept), met.cells.shape[1]), np.intp)
+    for place in range(len(kept)):
+        for camera in range(cells.shape[1]):
+            cells[place, camera] = met.cells[order[kept[place]], camera]
     return cells
+
+
+@inlined
+def sorted_by(keys: IntArray, count: int) -> IntArray:
+    """Return the places of the first keys in ascending order; quick for some dozens."""
+    order = np.empty(count, np.intp)
+    for place in range(count):
+        order[place] = place
+    gap = 1
+    while 3 * gap < count:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for end in range(gap, count):
+            moved, place = order[end], end
+            while place >= gap and keys[order[place - gap]] > keys[moved]:
+                order[place] = order[place - gap]
+                place -= gap
+            order[place] = moved
+        gap //= 3
+    return order
+
+
+@inlined
+def best_of(scores: IntArray, most: int) -> IntArray:
+    """Return the places of the `most` highest scores, in order; of equal scores the first."""
+    highest = 0
+    for score in scores:
+        highest = max(highest, score)
+    how_many = np.zeros(highest + 2, np.intp)
+    for score in scores:
+        how_many[score] += 1
+    # from the highest down, as long as there is room for all of a score
+    least, room = highest + 1, min(most, len(scores))
+    kept = np.empty(room, np.intp)
+    while least > 0 and how_many[least - 1] <= room:
+        least -= 1
+        room -= how_many[least]
+    count = 0
+    for place in range(len(scores)):
+        if scores[place] >= least or (scores[place] == least - 1 and room > 0):
+            room -= int(scores[place] < least)
+            kept[count] = place
+            count += 1
+    return kept

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from cornertouchd.config import CrossingSettings
-from cornertouchd.fusion.cells import disc_limits
 from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.edge_crossing import EdgeCrossing
+from cornertouchd.fusion.limits import disc_limits
 from cornertouchd.fusion.paper_crossing import PaperCrossing, nearest_points
 from cornertouchd.fusion.paper_reconstruction import reconstruct_in_pairs
 from cornertouchd.model import DirectingLines

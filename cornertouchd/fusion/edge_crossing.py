@@ -6,21 +6,20 @@ with another in some camera, but nearly all of them still show three edges of th
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from math import tanh
 
 import numpy as np
 
-from cornertouchd.fusion.candidates import find_candidates, joined
-from cornertouchd.fusion.cells import DiscLimits, find_cells
 from cornertouchd.fusion.crossed import Crossed, Predictions
-from cornertouchd.fusion.edge_rows import edge_rows
-from cornertouchd.fusion.refinement import RefinedDiscs, refine
-from cornertouchd.fusion.rescue import is_needed, rescue_candidates
-from cornertouchd.fusion.selection import COST_OF_A_DISC, cheapest_explanation, costs_of
-from cornertouchd.model import BoolArray, Contact, DirectingLines, FloatArray
+from cornertouchd.fusion.explanation import explain
+from cornertouchd.fusion.limits import DiscLimits
+from cornertouchd.model import Contact, DirectingLines
 
 # Fitted to 10 000 contacts in crowded scenes (15 on 350x400, hands, three cameras): of those with
 # margins about 0, 1, 3, 5, 7 and 10, the shares .59, .86, .84, .94, .99 and .99 were real.
 MARGIN_SCALE = 3.6
+NO_PREDICTIONS = Predictions(np.empty((0, 3)), np.empty(0), np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +29,8 @@ class EdgeCrossing:
     The `confidence` c of a contact grows with its margin: the rise in cost of the cheapest
     explanation without it.  Of contacts with confidence c, (1 + c) / 2 are real where it is hard to
     tell.  `sigma_mm` comes from the covariance of the fit, `cameras` are those of which the contact
-    owns an edge.
+    owns an edge.  The place of a contact that continues a prediction already takes that into
+    account.
     """
 
     limits: DiscLimits
@@ -40,42 +40,40 @@ class EdgeCrossing:
         self, directing_lines: Sequence[DirectingLines], predictions: Predictions | None = None
     ) -> Crossed:
         """Return the contacts that explain the shadows, on the surface, in no given order."""
-        rows = edge_rows(directing_lines)
-        if len(rows.cameras) < 2:
+        if len(directing_lines) < 2:
             return Crossed.nothing()
-        candidates = find_candidates(rows, find_cells(rows, self.limits), self.limits)
-        explanation = cheapest_explanation(costs_of(candidates, rows, self.edge_sigma_px))
-        unexplained = explanation.unexplained & rows.valid.ravel()
-        if is_needed(rows, unexplained):
-            rescued = rescue_candidates(rows, unexplained, self.limits)
-            candidates = joined([candidates, *rescued])
-            explanation = cheapest_explanation(costs_of(candidates, rows, self.edge_sigma_px))
-        refined = refine(candidates.take(explanation.chosen), rows.edge_count)
-        own = np.count_nonzero(refined.owned, axis=1)
-        return Crossed(
-            self._contacts(refined, explanation.margins, rows.cameras),
-            explanation.margins + COST_OF_A_DISC,
-            own.astype(np.intp),
-            np.full(len(own), -1, np.intp),
+        expected = NO_PREDICTIONS if predictions is None else predictions
+        measured, counted = explain(
+            np.array([(one.x_mm, one.y_mm) for one in directing_lines], np.float64),
+            np.array([len(one.first_rad) for one in directing_lines], np.intp),
+            np.concatenate([one.first_rad for one in directing_lines]),
+            np.concatenate([one.last_rad for one in directing_lines]),
+            np.concatenate([one.first_valid for one in directing_lines]),
+            np.concatenate([one.last_valid for one in directing_lines]),
+            np.concatenate([one.sigma_rad for one in directing_lines]),
+            *self.limits.surface_mm,
+            self.limits.smallest_radius_mm,
+            self.limits.largest_radius_mm,
+            self.limits.shape_sigma_mm,
+            self.edge_sigma_px,
+            predictions is not None,
+            np.ascontiguousarray(expected.discs),
+            np.ascontiguousarray(expected.position_variances_mm2),
+            np.ascontiguousarray(expected.radius_variances_mm2),
+            np.ascontiguousarray(expected.costs),
         )
+        names = tuple(one.camera for one in directing_lines)
+        contacts = tuple(
+            Contact(x, y, 2.0 * r, _named(names, cameras), tanh(margin / MARGIN_SCALE), sigma)
+            for (x, y, r, sigma, margin, _), (_, cameras, _) in zip(
+                measured.tolist(), counted.tolist(), strict=True
+            )
+        )
+        supports = measured[:, 4] + measured[:, 5]
+        return Crossed(contacts, supports, counted[:, 0], counted[:, 2])
 
-    def _contacts(
-        self, refined: RefinedDiscs, margins: FloatArray, cameras: tuple[str, ...]
-    ) -> tuple[Contact, ...]:
-        centres = np.clip(refined.discs[:, :2], 0.0, self.limits.surface_mm)
-        owned = refined.owned.reshape(len(centres), len(cameras), 2)
-        owners: BoolArray = np.any(owned, axis=2)
-        confidences = np.tanh(margins / MARGIN_SCALE)
-        return tuple(
-            Contact(
-                x_mm=float(centre[0]),
-                y_mm=float(centre[1]),
-                diameter_mm=float(2.0 * radius),
-                cameras=tuple(camera for camera, owns in zip(cameras, own, strict=True) if owns),
-                confidence=float(confidence),
-                sigma_mm=float(sigma_mm),
-            )
-            for centre, radius, own, confidence, sigma_mm in zip(
-                centres, refined.discs[:, 2], owners, confidences, refined.sigma_mm, strict=True
-            )
-        )
+
+@lru_cache(maxsize=256)
+def _named(names: tuple[str, ...], cameras: int) -> tuple[str, ...]:
+    """Return the names of the cameras whose bits are set."""
+    return tuple(name for number, name in enumerate(names) if cameras >> number & 1)

@@ -20,8 +20,8 @@ from math import floor, hypot, prod
 import numpy as np
 
 from cornertouchd.config import PaperCrossingSettings
-from cornertouchd.fusion.cells import DiscLimits
 from cornertouchd.fusion.crossed import Crossed, IntArray, Predictions
+from cornertouchd.fusion.limits import DiscLimits
 from cornertouchd.geometry import angles_and_distances, normals
 from cornertouchd.model import Contact, DirectingLines, FloatArray
 

@@ -1,106 +1,116 @@
-"""Rescue: contacts that a camera fails to show.
+"""Rescue: what fingers that all cameras show leave unexplained.
 
-A camera misses a shadow when its strip is soiled there or a picture is torn.  Two cameras miss one
-when they look at each other past a thin contact, each with the other's body for a background.  Such
-a contact lies in the light of those cameras and so in no cell; what the other cameras saw of it
-stays unexplained.  So cameras are disbelieved: each one in turn, and each pair along its line.
+Pens are sought only then: discs as thin fit into many a gap between fingers, and make a scene in
+two hundred of fifteen fingers worse.
+
+Then contacts that a camera fails to show.  A camera misses a shadow when its strip is soiled there
+or a picture is torn.  Two cameras miss one when they look at each other past a thin contact, each
+with the other's body for a background.  Such a contact lies in the light of those cameras and so in
+no cell; what the other cameras saw of it stays unexplained.  So cameras are disbelieved: each one
+in turn, and each pair along its line.
 """
-
-from collections.abc import Sequence
-from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 
-from cornertouchd.fusion.candidates import Candidates, find_candidates
-from cornertouchd.fusion.cells import CellRows, DiscLimits, find_cells
-from cornertouchd.fusion.crossed import IntArray
-from cornertouchd.fusion.edge_rows import EdgeRows, without_cameras
-from cornertouchd.geometry import angles_and_distances, half_angles_of_discs, wrap_angle
+from cornertouchd.compiling import inlined
+from cornertouchd.fusion.cells import Wanted
+from cornertouchd.fusion.edge_rows import NO_SHADOW, EdgeRows, row_of_three
+from cornertouchd.fusion.pool import Pool, copy_disc
 from cornertouchd.model import BoolArray
 
+# Thinner than this is a pen.
+SMALLEST_FINGER_RADIUS_MM = 3.3
 # With three cameras two would be left, and any two shadows cross.
 FEWEST_CAMERAS = 4
 # Two whole shadows.  Three edges would find a tenth more of the missed contacts, but with a
 # calibration error of 1 mm it makes twice as many ghosts as it finds contacts.
 FEWEST_EDGES = 4
 FEWEST_CAMERAS_WITH_EDGES = 2
-# Ten contacts in eight cameras; more are a broken strip, and every set of cameras takes its time.
+# More shadows (ten contacts in eight cameras cast so many) or contacts are a broken strip.
 MOST_SHADOWS = 80
+MOST_CONTACTS = 30
 # A large disc touches too many edges by chance.
 LARGEST_RADIUS_MM = 10.0
 # What a camera's body hides of the strip to either side of its pinhole, generously.
 CAMERA_BODY_MM = 15.0
 
 
-def is_needed(rows: EdgeRows, unexplained: BoolArray) -> bool:
-    """Tell whether a rescue has a chance: `unexplained` marks edges by their numbers."""
-    return (
-        int(np.count_nonzero(unexplained)) >= FEWEST_EDGES
-        and len(rows.cameras) >= FEWEST_CAMERAS
-        and len(rows.sigma_rad) <= MOST_SHADOWS
-    )
+@inlined
+def is_needed(rows: EdgeRows, unexplained: BoolArray, contacts: int) -> bool:
+    """Tell whether a rescue has a chance: `unexplained` (2 S,) marks edges."""
+    edges = 0
+    for edge in range(len(unexplained)):
+        edges += int(unexplained[edge])
+    return edges >= FEWEST_EDGES and len(rows.shadows) <= MOST_SHADOWS and contacts <= MOST_CONTACTS
 
 
-def rescue_candidates(
-    rows: EdgeRows, unexplained: BoolArray, limits: DiscLimits
-) -> list[Candidates]:
-    """Return the discs that touch enough of the unexplained edges, for each set of disbelieved.
+@inlined
+def cameras_to_believe(cameras: int) -> BoolArray:
+    """Return which cameras to believe, (., C): all but one or two; none with too few of them."""
+    sets = cameras * (cameras + 1) // 2 if cameras >= FEWEST_CAMERAS else 0
+    believed = np.full((sets, cameras), True)
+    a = b = 0
+    for row in range(sets):
+        believed[row, a] = believed[row, b] = False
+        b += 1
+        if b == cameras:
+            a += 1
+            b = a
+    return believed
 
-    The rows of the disbelieved cameras themselves are void.
+
+@inlined
+def keep_rescued(rows: EdgeRows, wanted: Wanted, pool: Pool, first: int, end: int) -> int:
+    """Keep those discs from `first` on that touch enough of the wanted edges.
+
+    Where two cameras are not believed, each must see the disc before the body of the other.
+    Returns how many discs are in the pool then.
     """
-    cameras = range(len(rows.cameras))
-    missed_by_one = [_shown_by_others((c,), rows, unexplained, limits) for c in cameras]
-    missed_by_two = [
-        _in_line(_shown_by_others(pair, rows, unexplained, limits), pair, rows)
-        for pair in combinations(cameras, 2)
-    ]
-    return missed_by_one + missed_by_two
+    count = first
+    for disc in range(first, end):
+        if _explains_enough(pool, disc, wanted.edges) and _is_in_line(
+            rows, wanted.believed, pool, disc
+        ):
+            copy_disc(pool, count, pool, disc)
+            count += 1
+    return count
 
 
-def _shown_by_others(
-    disbelieved: Sequence[int], rows: EdgeRows, unexplained: BoolArray, limits: DiscLimits
-) -> Candidates:
-    others, shadows = without_cameras(rows, disbelieved)
-    found = find_candidates(others, find_cells(others, limits), limits)
-    edges = 2 * shadows[found.rows.edges // 2] + found.rows.edges % 2
-    explains = found.tangent & unexplained[edges]
-    per_camera = explains.reshape(len(found), len(others.cameras), 2)
-    kept = (
-        (np.count_nonzero(explains, axis=1) >= FEWEST_EDGES)
-        & (np.count_nonzero(np.any(per_camera, axis=2), axis=1) >= FEWEST_CAMERAS_WITH_EDGES)
-        & (found.discs[:, 2] <= LARGEST_RADIUS_MM)
-    )
-    return _with_void_rows(found.take(kept), edges[kept], disbelieved, rows)
-
-
-def _with_void_rows(
-    found: Candidates, edges: IntArray, disbelieved: Sequence[int], rows: EdgeRows
-) -> Candidates:
-    """Insert rows that bound nothing and that nothing touches in place of the cameras'."""
-    void = np.repeat(np.asarray(disbelieved, dtype=np.intp), 2)
-    place = 2 * (void - np.repeat(np.arange(len(disbelieved)), 2))
-    return replace(
-        found,
-        rows=CellRows(
-            edges=np.insert(edges, place, 2 * rows.first_shadow[void], axis=1),
-            normals=np.insert(found.rows.normals, place, 0.0, axis=1),
-            offsets_mm=np.insert(found.rows.offsets_mm, place, 0.0, axis=1),
-            sigma_rad=np.insert(found.rows.sigma_rad, place, 1.0, axis=1),
-            valid=np.insert(found.rows.valid, place, False, axis=1),
-            origins_mm=rows.positions_mm,
-        ),
-        z=np.insert(found.z, place, np.inf, axis=1),
-        tangent=np.insert(found.tangent, place, False, axis=1),
-        missed=np.ones(len(found), dtype=np.bool_),
+@inlined
+def _explains_enough(pool: Pool, disc: int, unexplained: BoolArray) -> bool:
+    edges = cameras = 0
+    for camera in range(pool.shadows.shape[1]):
+        shadow = pool.shadows[disc, camera]
+        if shadow != NO_SHADOW:
+            first = pool.misfits[disc, 2 * camera] < np.inf and unexplained[2 * shadow]
+            last = pool.misfits[disc, 2 * camera + 1] < np.inf and unexplained[2 * shadow + 1]
+            edges += int(first) + int(last)
+            cameras += int(first or last)
+    return (
+        edges >= FEWEST_EDGES
+        and cameras >= FEWEST_CAMERAS_WITH_EDGES
+        and pool.discs[disc, 2] <= LARGEST_RADIUS_MM
     )
 
 
-def _in_line(found: Candidates, pair: tuple[int, int], rows: EdgeRows) -> Candidates:
-    """Keep the discs that each camera of the pair sees before the body of the other."""
-    eyes = rows.positions_mm[list(pair)]
-    to_discs, distances = angles_and_distances(found.discs[:, :2], eyes)
-    to_bodies, apart = angles_and_distances(eyes[::-1], eyes)
-    beside = np.abs(wrap_angle(to_discs - np.diag(to_bodies)))
-    reach = half_angles_of_discs(found.discs[:, 2:], distances) + CAMERA_BODY_MM / apart[0, 0]
-    return found.take(np.flatnonzero(np.all(beside < reach, axis=1)))
+@inlined
+def _is_in_line(rows: EdgeRows, believed: BoolArray, pool: Pool, disc: int) -> bool:
+    """Tell whether each of two disbelieved cameras sees the disc before the body of the other."""
+    for a in range(len(believed)):
+        for b in range(len(believed)):
+            both = a != b and not (believed[a] or believed[b])
+            if both and not _is_before_body(rows, pool, disc, a, b):
+                return False
+    return True
+
+
+@inlined
+def _is_before_body(rows: EdgeRows, pool: Pool, disc: int, eye: int, other: int) -> bool:
+    x, y, radius = row_of_three(pool.discs, disc)
+    eye_x, eye_y = rows.eyes[eye, 0], rows.eyes[eye, 1]
+    dx, dy = x - eye_x, y - eye_y
+    body_x, body_y = rows.eyes[other, 0] - eye_x, rows.eyes[other, 1] - eye_y
+    beside = np.abs(np.arctan2(dx * body_y - dy * body_x, dx * body_x + dy * body_y))
+    distance = np.hypot(dx, dy)
+    half_angle = np.arcsin(radius / distance) if distance > radius else np.pi
+    return bool(beside < half_angle + CAMERA_BODY_MM / np.hypot(body_x, body_y))

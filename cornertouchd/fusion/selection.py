@@ -1,41 +1,26 @@
 """Selection: of all discs that could be there, the set that explains the shadows most cheaply.
 
-A disc costs something to believe in; an edge costs little when a chosen disc touches it and a fixed
-price when none does; so does each piece of shadow that no chosen disc darkens.  The costs are
-negative log likelihoods, so what a set would cost more without one of its discs, the disc's margin,
-says how sure we are of it.
+What a set would cost more without one of its discs, the disc's margin, says how sure we are of it.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.fusion.candidates import (
-    COST_OF_AN_EDGE,
-    SIZE_SIGMA_MM,
-    Candidates,
-    edge_costs,
-    size_excess_mm,
+from cornertouchd.compiling import inlined
+from cornertouchd.fusion.bits import (
+    WordArray,
+    count_common,
+    empty_sets,
+    fill,
+    is_in,
+    take_out,
 )
+from cornertouchd.fusion.costs import COST_OF_A_DARK_PIECE, Costs, saved_by_edges
 from cornertouchd.fusion.crossed import IntArray
-from cornertouchd.fusion.edge_rows import EdgeRows
-from cornertouchd.geometry import angles_and_distances, half_angles_of_discs
-from cornertouchd.model import BoolArray, FloatArray
+from cornertouchd.fusion.pool import COST_OF_AN_EDGE
+from cornertouchd.model import FloatArray
 
-# Found by Monte-Carlo over 1..20 contacts on both sizes of frame; changing any of them by half
-# moves F1 by less than 1 %.
-COST_OF_A_DISC = 5.0
-COST_OF_A_DARK_PIECE = 0.7
-LARGEST_COST_OF_SIZE = 3.0
-# Minus the logarithm of 1 in 400: how often a camera misses a shadow.  3 and 9 do as well.
-COST_OF_A_MISSED_SHADOW = 6.0
-PIECE_PX = 1.5
-# A piece counts as covered when its middle is this near to the disc's outline.
-PIECE_TOLERANCE_PX = 0.75
-# Fingers are squeezed flat where they touch each other.
-SMALLEST_SHARE_OF_RADII = 0.85
-# Candidates as near as this are fits of one contact to different edges.
-SAME_CONTACT_MM = 2.5
 # Each round lowers the cost; ten contacts take one or two, twenty seldom more than eight.
 MOST_ROUNDS = 10
 # A disc whose loss costs less may be a ghost that covers for another: then other candidates are
@@ -46,188 +31,235 @@ LEAST_PROMISE = 4.0
 MOST_PUT_IN = 16
 # Less is rounding: two ways to add up the same cost.
 SMALLEST_SAVING = 1e-6
-# A shadow as wide as a picture has about 430 pieces.
-MOST_PIECES_PER_SHADOW = 512
+NOBODY = -1
 
 
-@dataclass(frozen=True, slots=True)
-class Costs:
-    """What each of K candidates costs and explains.
+class Explanation(NamedTuple):
+    """N chosen discs of the pool (N,); `margins` (N,) say how much dearer it gets without each.
 
-    `own` (K,) is the price of the disc.  Row k of `edges` (K, M) names the edges of its cell and
-    row k of `edge_costs` (K, M) what they cost with it.  `covers` (K, B) marks the pieces of shadow
-    that it darkens, `conflicts` (K, K) the discs that cannot be there as well, and `same` (K, K)
-    those that are the same contact.
-    """
-
-    own: FloatArray
-    edges: IntArray
-    edge_costs: FloatArray
-    covers: BoolArray
-    conflicts: BoolArray
-    same: BoolArray
-    edge_count: int
-
-
-@dataclass(frozen=True, slots=True)
-class Explanation:
-    """A set of N candidates (N,), by their numbers.
-
-    `margins` (N,) say for each how much more the cheapest set found without it would cost;
-    `unexplained` marks the edges that none of them touches, valid or not, by their numbers.
+    `edge_costs` are left to pay for the edges, for the 2 S of all cameras first.
     """
 
     chosen: IntArray
     margins: FloatArray
-    unexplained: BoolArray
+    edge_costs: FloatArray
 
 
-def costs_of(candidates: Candidates, rows: EdgeRows, edge_sigma_px: float) -> Costs:
-    """Weigh the candidates; `edge_sigma_px` is the sigma of an edge, which gives the pixels."""
-    discs = candidates.discs
-    size = 0.5 * (size_excess_mm(discs[:, 2]) / SIZE_SIGMA_MM) ** 2
-    own = COST_OF_A_DISC + np.minimum(size, LARGEST_COST_OF_SIZE)
-    own += COST_OF_A_MISSED_SHADOW * candidates.missed
-    apart_mm = np.hypot(*np.moveaxis(discs[:, None, :2] - discs[None, :, :2], -1, 0))
-    return Costs(
-        own=own,
-        edges=candidates.rows.edges,
-        edge_costs=edge_costs(candidates),
-        covers=_pieces_covered(discs, rows, edge_sigma_px),
-        conflicts=apart_mm < SMALLEST_SHARE_OF_RADII * (discs[:, None, 2] + discs[None, :, 2]),
-        same=apart_mm < SAME_CONTACT_MM,
-        edge_count=rows.edge_count,
-    )
+class _Set(NamedTuple):
+    """A set of discs that grows: `chosen` (K,), of which the caller counts those in use.
+
+    `edge_costs` (E,) are left to pay for the edges, `dark` (1, .) are the pieces that no disc
+    darkens and `free` (1, .) the discs that can still be added.  `savings` (K,) is what each would
+    have saved when there were `known_at` (K,) discs in the set: at most as much now.
+    """
+
+    chosen: IntArray
+    edge_costs: FloatArray
+    dark: WordArray
+    free: WordArray
+    savings: FloatArray
+    known_at: IntArray
 
 
+@inlined
 def cheapest_explanation(costs: Costs) -> Explanation:
-    """Return the cheapest set of candidates found.
+    """Return the cheapest set of discs found.
 
     Greedy; then, while it helps, one disc is left out, or another one put in, and the set filled up
     again.
     """
-    best = _filled_up(costs, ())
-    without_one = _each_left_out(costs, best)
-    for _ in range(MOST_ROUNDS):
-        cheapest = _cheapest_of(best, without_one)
-        if cheapest is best:
-            cheapest = _cheapest_of(best, _each_put_in(costs, best, without_one))
-        if cheapest is best:
-            break
-        best, without_one = cheapest, _each_left_out(costs, cheapest)
-    return Explanation(
-        chosen=np.array(best.chosen, dtype=np.intp),
-        margins=_margins(best, without_one),
-        unexplained=best.edge_costs >= COST_OF_AN_EDGE,
+    count = len(costs.own)
+    discs = _Set(
+        np.empty(count, np.intp),
+        np.empty(costs.edge_count),
+        empty_sets(1, costs.piece_count),
+        empty_sets(1, count),
+        np.empty(count),
+        np.empty(count, np.intp),
     )
+    start, without_one = np.empty(count + 1, np.intp), np.empty(count)
+    best, edge_costs, promise = (
+        np.empty(count, np.intp),
+        np.empty(costs.edge_count),
+        np.empty(count),
+    )
+    size, cost = _fill_up(costs, discs, start, 0, NOBODY)
+    _remember(discs, size, best, edge_costs)
+    for step in range(MOST_ROUNDS + 1):
+        cheapest, cheapest_cost = NOBODY, cost - SMALLEST_SAVING
+        for place in range(size):
+            _leave_out(best, size, place, start)
+            _, without_one[place] = _fill_up(costs, discs, start, size - 1, best[place])
+            if without_one[place] < cheapest_cost:
+                cheapest, cheapest_cost = place, without_one[place]
+        if step == MOST_ROUNDS:
+            break
+        if cheapest != NOBODY:
+            _leave_out(best, size, cheapest, start)
+            size, cost = _fill_up(costs, discs, start, size - 1, best[cheapest])
+            _remember(discs, size, best, edge_costs)
+            continue
+        for _ in range(_promising(costs, edge_costs, without_one, size, cost, promise)):
+            disc = _take_most_promising(promise)
+            if _is_among(best, size, disc):
+                continue
+            kept = _put_in(costs.conflicts, best, size, without_one, cost, disc, start)
+            _, put_in_cost = _fill_up(costs, discs, start, kept, NOBODY)
+            if put_in_cost < cheapest_cost:
+                cheapest, cheapest_cost = disc, put_in_cost
+        if cheapest == NOBODY:
+            break
+        kept = _put_in(costs.conflicts, best, size, without_one, cost, cheapest, start)
+        size, cost = _fill_up(costs, discs, start, kept, NOBODY)
+        _remember(discs, size, best, edge_costs)
+    margins = np.empty(size)
+    for place in range(size):
+        margins[place] = max(without_one[place] - cost, 0.0)
+    return Explanation(best[:size], margins, edge_costs)
 
 
-@dataclass(frozen=True, slots=True)
-class _DiscSet:
-    """Candidates in the order in which they were chosen, what is left to pay, and the total."""
-
-    chosen: tuple[int, ...]
-    edge_costs: FloatArray
-    cost: float
-
-
-def _cheapest_of(best: _DiscSet, others: list[_DiscSet]) -> _DiscSet:
-    """Return the cheapest of the others if it saves anything, else the best."""
-    cheapest = min(others, key=lambda other: other.cost, default=best)
-    return cheapest if cheapest.cost < best.cost - SMALLEST_SAVING else best
+@inlined
+def _remember(discs: _Set, size: int, best: IntArray, edge_costs: FloatArray) -> None:
+    for place in range(size):
+        best[place] = discs.chosen[place]
+    for edge in range(len(edge_costs)):
+        edge_costs[edge] = discs.edge_costs[edge]
 
 
-def _margins(best: _DiscSet, without_one: list[_DiscSet]) -> FloatArray:
-    return np.array([max(other.cost - best.cost, 0.0) for other in without_one])
+@inlined
+def _leave_out(best: IntArray, size: int, place: int, start: IntArray) -> None:
+    """Start with all of the best but one."""
+    for other in range(size - 1):
+        start[other] = best[other + int(other >= place)]
 
 
-def _each_left_out(costs: Costs, discs: _DiscSet) -> list[_DiscSet]:
-    """Return for each chosen disc the set without it, filled up with others."""
-    chosen = discs.chosen
-    return [
-        _filled_up(costs, chosen[:place] + chosen[place + 1 :], banned=disc)
-        for place, disc in enumerate(chosen)
-    ]
+@inlined
+def _promising(
+    costs: Costs,
+    edge_costs: FloatArray,
+    without_one: FloatArray,
+    size: int,
+    cost: float,
+    promise: FloatArray,
+) -> int:
+    """Write how much better each disc explains its edges; return how many of them to try."""
+    most = 0.0
+    for disc in range(len(promise)):
+        promise[disc] = saved_by_edges(costs.edges, costs.edge_costs, disc, edge_costs)
+        most = max(most, promise[disc])
+    for place in range(size):
+        if without_one[place] - cost < SURE_MARGIN:
+            return min(MOST_PUT_IN, len(promise))
+    return min(MOST_PUT_IN, len(promise)) if most >= LEAST_PROMISE else 0
 
 
-def _each_put_in(costs: Costs, best: _DiscSet, without_one: list[_DiscSet]) -> list[_DiscSet]:
-    """Return for each of the other discs the set that it makes with those that are sure.
+@inlined
+def _take_most_promising(promise: FloatArray) -> int:
+    best = 0
+    for disc in range(len(promise)):
+        if promise[disc] > promise[best]:
+            best = disc
+    promise[best] = -1.0
+    return best
+
+
+@inlined
+def _is_among(best: IntArray, size: int, disc: int) -> bool:
+    found = False
+    for place in range(size):
+        found |= best[place] == disc
+    return found
+
+
+@inlined
+def _put_in(
+    conflicts: WordArray,
+    best: IntArray,
+    size: int,
+    without_one: FloatArray,
+    cost: float,
+    disc: int,
+    start: IntArray,
+) -> int:
+    """Start with a disc and those of the best that are sure and can be there as well; count them.
 
     Two fingers side by side need this: a large disc over both is chosen first, stands in the way of
     each, and what it leaves unexplained may even be covered by ghosts.
     """
-    sure = np.array(best.chosen, dtype=np.intp)[_margins(best, without_one) >= SURE_MARGIN]
-    promise = _saved_by_edges(costs, best.edge_costs)
-    if len(sure) == len(best.chosen) and promise.max(initial=0.0) < LEAST_PROMISE:
-        return []
-    promising = np.argsort(-promise, kind="stable")[:MOST_PUT_IN].tolist()
-    return [
-        _filled_up(costs, (disc, *sure[~costs.conflicts[disc, sure]].tolist()))
-        for disc in promising
-        if disc not in best.chosen
-    ]
+    start[0] = disc
+    count = 1
+    for place in range(size):
+        if without_one[place] - cost >= SURE_MARGIN and not is_in(conflicts, disc, best[place]):
+            start[count] = best[place]
+            count += 1
+    return count
 
 
-def _filled_up(costs: Costs, chosen: tuple[int, ...], banned: int | None = None) -> _DiscSet:
-    """Add the disc that saves most, while any saves something, but not the banned contact."""
-    all_chosen = list(chosen)
-    edge_costs = np.full(costs.edge_count, COST_OF_AN_EDGE)
-    for disc in all_chosen:
-        _explain_edges(edge_costs, costs, disc)
-    dark: BoolArray = ~np.any(costs.covers[all_chosen], axis=0)
-    free: BoolArray = ~np.any(costs.conflicts[all_chosen], axis=0)
-    if banned is not None:
-        free &= ~costs.same[banned]
-    while np.any(free):
-        savings = np.where(free, _savings(costs, edge_costs, dark), -np.inf)
-        disc = int(np.argmax(savings))
-        if savings[disc] <= 0.0:
-            break
-        all_chosen.append(disc)
-        _explain_edges(edge_costs, costs, disc)
-        dark &= ~costs.covers[disc]
-        free &= ~costs.conflicts[disc]
-    own = costs.own[all_chosen].sum()
-    cost = own + edge_costs.sum() + COST_OF_A_DARK_PIECE * np.count_nonzero(dark)
-    return _DiscSet(tuple(all_chosen), edge_costs, float(cost))
+@inlined
+def _fill_up(
+    costs: Costs, discs: _Set, start: IntArray, start_count: int, banned: int
+) -> tuple[int, float]:
+    """Add to the start the disc that saves most, while any saves something, but not the banned.
 
-
-def _explain_edges(edge_costs: FloatArray, costs: Costs, disc: int) -> None:
-    """Lower the costs of the edges that the disc touches."""
-    edges = costs.edges[disc]
-    edge_costs[edges] = np.minimum(edge_costs[edges], costs.edge_costs[disc])
-
-
-def _savings(costs: Costs, edge_costs: FloatArray, dark: BoolArray) -> FloatArray:
-    """Return by how much each disc would lower the cost, (K,)."""
-    by_pieces = COST_OF_A_DARK_PIECE * np.count_nonzero(costs.covers & dark, axis=1)
-    savings: FloatArray = _saved_by_edges(costs, edge_costs) + by_pieces - costs.own
-    return savings
-
-
-def _saved_by_edges(costs: Costs, edge_costs: FloatArray) -> FloatArray:
-    saved: FloatArray = np.maximum(edge_costs[costs.edges] - costs.edge_costs, 0.0).sum(axis=1)
-    return saved
-
-
-def _pieces_covered(discs: FloatArray, rows: EdgeRows, edge_sigma_px: float) -> BoolArray:
-    """Cut the shadows into pieces of `PIECE_PX`; tell which disc darkens which, (K, B).
-
-    A shadow without a valid edge fills all that its camera can see of some place: it says that
-    something is there, but its pieces are no measure of how much.
+    Return how many they are and what all of it costs.
     """
-    rad_per_px = rows.sigma_rad / edge_sigma_px
-    widths = rows.bounds_rad[:, 1] - rows.bounds_rad[:, 0]
-    pieces = np.clip(
-        (widths / (PIECE_PX * rad_per_px)).astype(np.intp) - 1, 1, MOST_PIECES_PER_SHADOW
-    )
-    pieces[~rows.valid.any(axis=1)] = 0
-    shadow = np.repeat(np.arange(len(pieces)), pieces)
-    number = np.arange(len(shadow)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    middles = rows.bounds_rad[shadow, 0] + (number + 0.5) * (widths / np.maximum(pieces, 1))[shadow]
-    camera = rows.camera_of_shadow[shadow]
-    angles, distances = angles_and_distances(discs[:, :2], rows.positions_mm)
-    half_angles = half_angles_of_discs(discs[:, 2:], distances)
-    reach = half_angles[:, camera] + PIECE_TOLERANCE_PX * rad_per_px[shadow]
-    covered: BoolArray = np.abs(rows.unwrap(angles)[:, camera] - middles) <= reach
-    return covered
+    own, edges, edge_costs = costs.own, costs.edges, costs.edge_costs
+    left, chosen = discs.edge_costs, discs.chosen
+    _start_over(costs, discs, banned)
+    count, cost = 0, 0.0
+    while True:
+        best = start[count] if count < start_count else _most_saving(costs, discs, count)
+        if best == NOBODY:
+            break
+        chosen[count] = best
+        count, cost = count + 1, cost + own[best]
+        for row in range(edges.shape[1]):
+            edge = edges[best, row]
+            left[edge] = min(left[edge], edge_costs[best, row])
+        take_out(discs.dark, costs.covers, best)
+        take_out(discs.free, costs.conflicts, best)
+    for edge_cost in left:
+        cost += edge_cost
+    return count, cost + COST_OF_A_DARK_PIECE * count_common(discs.dark, 0, discs.dark, 0)
+
+
+@inlined
+def _start_over(costs: Costs, discs: _Set, banned: int) -> None:
+    left, savings, known_at = discs.edge_costs, discs.savings, discs.known_at
+    at_first = costs.savings
+    for edge in range(len(left) - 1):
+        left[edge] = COST_OF_AN_EDGE
+    left[len(left) - 1] = 0.0
+    fill(discs.dark, costs.piece_count)
+    fill(discs.free, len(savings))
+    if banned != NOBODY:
+        take_out(discs.free, costs.same, banned)
+    for disc in range(len(savings)):
+        savings[disc], known_at[disc] = at_first[disc], 0
+
+
+@inlined
+def _most_saving(costs: Costs, discs: _Set, count: int) -> int:
+    """Return the free disc that saves most beside those in the set, if any saves something.
+
+    A disc saves less, never more, when another is added: most need not be asked again.
+    """
+    own, edges, edge_costs, covers = costs.own, costs.edges, costs.edge_costs, costs.covers
+    at_first, by_saving = costs.savings, costs.by_saving
+    left, dark, free = discs.edge_costs, discs.dark, discs.free
+    savings, known_at = discs.savings, discs.known_at
+    best, most = NOBODY, 0.0
+    for disc in by_saving:
+        if at_first[disc] < most:
+            break
+        if savings[disc] < most or not is_in(free, 0, disc):
+            continue
+        if known_at[disc] != count:
+            pieces = count_common(covers, disc, dark, 0)
+            saved = saved_by_edges(edges, edge_costs, disc, left)
+            savings[disc] = saved + COST_OF_A_DARK_PIECE * pieces - own[disc]
+            known_at[disc] = count
+        # of equal ones the first, whatever the order
+        if savings[disc] > most or (savings[disc] == most and disc < best):
+            best, most = disc, savings[disc]
+    return best

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from oracle.nearest_point import nearest_point_to_lines
 
 from cornertouchd.config import CrossingSettings, PaperCrossingSettings
 from cornertouchd.fusion.crossing import make_crossing
 from cornertouchd.fusion.paper_crossing import MOST_GROUPS, PaperCrossing
-from cornertouchd.geometry import distances_to_lines, nearest_point_to_lines
+from cornertouchd.geometry import distances_to_lines
 from cornertouchd.model import Contact, DirectingLines
 
 SURFACE_MM = (350.0, 400.0)

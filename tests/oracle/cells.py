@@ -1,0 +1,129 @@
+"""Cells: the places where one shadow of every camera overlaps, the only places to touch.
+
+A cell is one shadow per camera.  Cutting polygons out of each other would find them too; asking
+where a smallest disc fits that touches two edges finds the same ones in one pass over all pairs of
+edges, because a cell that holds such a disc lets it slide until it touches two edges.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cornertouchd.fusion.cells import MOST_CELLS_TIMES_TRIPLES, SMALLEST_SINE
+from cornertouchd.fusion.crossed import IntArray
+from cornertouchd.fusion.edge_rows import GATE_SIGMAS
+from cornertouchd.fusion.limits import DiscLimits
+from cornertouchd.geometry import angles_and_distances, line_crossings
+from cornertouchd.model import BoolArray, FloatArray
+from oracle.edge_rows import EdgeRows
+
+
+@dataclass(frozen=True, slots=True)
+class CellRows:
+    """The 2 C edge rows of each of N cells (or of the cells of N discs), cameras in order.
+
+    `edges` (N, 2 C) are the numbers of the edges; `origins_mm` (C, 2) the cameras' positions.
+    """
+
+    edges: IntArray
+    normals: FloatArray
+    offsets_mm: FloatArray
+    sigma_rad: FloatArray
+    valid: BoolArray
+    origins_mm: FloatArray
+
+    def take(self, index: IntArray | BoolArray) -> "CellRows":
+        """Return the rows of the cells at `index`."""
+        return CellRows(
+            edges=self.edges[index],
+            normals=self.normals[index],
+            offsets_mm=self.offsets_mm[index],
+            sigma_rad=self.sigma_rad[index],
+            valid=self.valid[index],
+            origins_mm=self.origins_mm,
+        )
+
+    def slacks(self, discs: FloatArray, shape_sigma_mm: float) -> tuple[FloatArray, FloatArray]:
+        """Return the slack and its sigma in each row, (N, 2 C), for one disc (x, y, r) a cell."""
+        x, y, radius = discs[:, :1], discs[:, 1:2], discs[:, 2:]
+        across = self.normals[:, :, 0] * x + self.normals[:, :, 1] * y
+        slack: FloatArray = across - self.offsets_mm - radius
+        squared_distances = (x - self.origins_mm[:, 0]) ** 2 + (y - self.origins_mm[:, 1]) ** 2
+        variance = self.sigma_rad**2 * np.repeat(squared_distances, 2, axis=1) + shape_sigma_mm**2
+        sigma: FloatArray = np.sqrt(variance)
+        return slack, sigma
+
+    def contain(self, discs: FloatArray, slack: FloatArray, sigma: FloatArray) -> BoolArray:
+        """Tell which discs (N, 3) lie in their cell, (N,).
+
+        An edge that is not valid bounds nothing, but a disc wholly beyond it would not darken the
+        shadow at all and does not belong to it.
+        """
+        room = np.where(self.valid, slack, slack + 2.0 * discs[:, 2:])
+        inside: BoolArray = np.all(room >= -GATE_SIGMAS * sigma, axis=1)
+        return inside
+
+
+def rows_of_cells(rows: EdgeRows, cells: IntArray) -> CellRows:
+    """Return the rows of cells (N, C), which name one shadow of every camera."""
+    count, cameras = cells.shape
+    return CellRows(
+        edges=(2 * cells[:, :, None] + np.arange(2)).reshape(count, 2 * cameras),
+        normals=rows.normals[cells].reshape(count, 2 * cameras, 2),
+        offsets_mm=rows.offsets_mm[cells].reshape(count, 2 * cameras),
+        sigma_rad=np.repeat(rows.sigma_rad[cells], 2, axis=1),
+        valid=rows.valid[cells].reshape(count, 2 * cameras),
+        origins_mm=rows.positions_mm,
+    )
+
+
+def find_cells(rows: EdgeRows, limits: DiscLimits) -> IntArray:
+    """Return all cells that hold a disc of the smallest radius, as shadow numbers (T, C).
+
+    There are none with fewer than two cameras.  When a frame set has more than the cap allows,
+    those touched by the most pairs of edges are kept.
+    """
+    centres = _discs_touching_two_edges(rows, limits.smallest_radius_mm)
+    centres = centres[limits.on_surface(centres)]
+    angles, _ = angles_and_distances(centres, rows.positions_mm)
+    shadows = shadows_at(rows, rows.unwrap(angles))
+    discs = np.insert(centres, 2, limits.smallest_radius_mm, axis=1)
+    cell_rows = rows_of_cells(rows, shadows)
+    inside = cell_rows.contain(discs, *cell_rows.slacks(discs, limits.shape_sigma_mm))
+    return _most_touched(shadows[inside], rows)
+
+
+def _discs_touching_two_edges(rows: EdgeRows, radius_mm: float) -> FloatArray:
+    """Return the centres (P, 2) of the discs that touch two valid edges of different cameras."""
+    edges = np.flatnonzero(rows.valid.ravel())
+    camera = np.repeat(rows.camera_of_shadow, 2)[edges]
+    a, b = (edges[side] for side in np.nonzero(camera[:, None] < camera[None, :]))
+    n = rows.normals.reshape(-1, 2)
+    offsets = rows.offsets_mm.ravel() + radius_mm
+    points, sines = line_crossings(n[a], offsets[a], n[b], offsets[b])
+    return points[np.abs(sines) > SMALLEST_SINE]
+
+
+def shadows_at(rows: EdgeRows, angles_rad: FloatArray) -> IntArray:
+    """Return for each camera the shadow that begins before the angle, (P, C); else its first."""
+    shadows = np.empty(angles_rad.shape, dtype=np.intp)
+    for camera, (start, end) in enumerate(
+        zip(rows.first_shadow[:-1], rows.first_shadow[1:], strict=True)
+    ):
+        begun = np.searchsorted(rows.bounds_rad[start:end, 0], angles_rad[:, camera], side="right")
+        shadows[:, camera] = start + np.maximum(begun - 1, 0)
+    return shadows
+
+
+def _most_touched(shadows: IntArray, rows: EdgeRows) -> IntArray:
+    """Return the different rows of `shadows` in ascending order, at most as many as the cap."""
+    sizes = np.diff(rows.first_shadow)
+    strides = np.cumprod(np.concatenate([sizes[1:], [1]])[::-1])[::-1]
+    keys = (shadows - rows.first_shadow[:-1]) @ strides
+    _, representatives, touched = np.unique(keys, return_index=True, return_counts=True)
+    edge_count = 2 * len(rows.cameras)
+    triples = edge_count * (edge_count - 1) * (edge_count - 2) // 6
+    cap = MOST_CELLS_TIMES_TRIPLES // max(triples, 1)
+    kept = np.sort(np.argsort(-touched, kind="stable")[:cap])
+    cells: IntArray = shadows[representatives[kept]]
+    return cells
