@@ -201,7 +201,7 @@ class CrossingSettings(Table):
         '"paper" is the method of Wang et al. 2011, for comparison.',
     )
     smallest_radius_mm: float = Field(
-        3.3,
+        1.5,
         ge=0.1,
         le=100.0,
         description="Smallest radius of a contact. Lower it for thin pens; more ghosts may pass.",
