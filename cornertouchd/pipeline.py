@@ -25,7 +25,7 @@ from cornertouchd.model import (
 )
 from cornertouchd.vision.background import Background, MaskedColumns
 from cornertouchd.vision.finder import ProfileFinder, make_finder
-from cornertouchd.vision.profile import shows_strip
+from cornertouchd.vision.profile import NoiseError, shows_strip
 from cornertouchd.vision.strip import StripNotFoundError, find_strip
 
 MOST_SHADOWS = 64
@@ -78,16 +78,22 @@ class CameraPipeline:
     def find(self, frame: Frame) -> Observation:
         """Return the shadows in a picture, whatever was before.  Raises `PictureError`."""
         self._require_size(frame)
-        if isinstance(self._finder, ProfileFinder):
+        if not isinstance(self._finder, ProfileFinder):
+            return self._believed(frame, self._finder.find(frame.pixels))
+        try:
             return self._believed(frame, self._finder.find_with_hidden(frame.pixels))
-        return self._believed(frame, self._finder.find(frame.pixels))
+        except NoiseError as error:
+            raise PictureError(str(error)) from None
 
     def observe(self, frame: Frame) -> Observation:
         """Return the shadows in a picture, and learn from it.  Raises `PictureError`."""
         if self._background is None:  # the paper's method compares with nothing
             return self.find(frame)
         self._require_size(frame)
-        sight = self._background.look(frame.pixels, frame.captured_at_s)
+        try:
+            sight = self._background.look(frame.pixels, frame.captured_at_s)
+        except NoiseError as error:
+            raise PictureError(str(error)) from None
         observation = self._believed(frame, sight.shadows)
         self._background.learn(sight)
         return observation

@@ -1,7 +1,10 @@
 """What all tests share: recordings, and how to accept a changed expectation."""
 
+import importlib
+import os
 from pathlib import Path
 
+import numba
 import pytest
 from hypothesis import settings
 
@@ -16,6 +19,12 @@ WHOLE_RECORDINGS = ROOT.parent / "shared" / "rendered"
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-expected", action="store_true", help="write the expected files anew")
+
+
+def pytest_configure() -> None:
+    """Compile before the tests are shared out; commands that they start find it in the cache."""
+    importlib.import_module("cornertouchd.pipeline")
+    os.environ["NUMBA_CACHE_DIR"] = numba.config.CACHE_DIR
 
 
 @pytest.fixture

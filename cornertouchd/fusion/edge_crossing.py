@@ -19,7 +19,7 @@ from cornertouchd.model import Contact, DirectingLines
 # Fitted to 10 000 contacts in crowded scenes (15 on 350x400, hands, three cameras): of those with
 # margins about 0, 1, 3, 5, 7 and 10, the shares .59, .86, .84, .94, .99 and .99 were real.
 MARGIN_SCALE = 3.6
-# Without such a contact the shadows are explained as cheaply: as many of them are ghosts as fingers.
+# Without such a contact the shadows are explained as cheaply: nearly half of them are ghosts.
 LEAST_MARGIN = 0.05
 NO_PREDICTIONS = Predictions(np.empty((0, 3)), np.empty(0), np.empty(0), np.empty(0))
 

@@ -74,9 +74,13 @@ class Background:
         self._known = self._reference.usable
 
     def look(self, picture: Picture, captured_at_s: float) -> Sight:
-        """Return what a picture (rows, width_px) shows, measured against the strip as it is now."""
+        """Return what a picture (rows, width_px) shows, measured against the strip as it is now.
+
+        Raises `NoiseError` for a picture that cannot show the strip.
+        """
         self._forget_old_darkness(captured_at_s)
         measured = self._sampler.measure(picture, self._reference, self._gain)
+        measured.require_strip()
         shadows = find_shadows(
             measured.profile,
             self._vision,

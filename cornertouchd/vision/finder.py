@@ -31,10 +31,15 @@ class ProfileFinder:
         return find_shadows(profile, self._settings, sunlit=reference.sunlit)
 
     def find_with_hidden(self, picture: Picture) -> Shadows:
-        """Return them with places where one could be hidden, as `find_shadows` does."""
-        profile, reference = self.sampler.sample(picture), self.sampler.reference
+        """Return them with places where one could be hidden, as `find_shadows` does.
+
+        Raises `NoiseError` for a picture that cannot show the strip.
+        """
+        reference = self.sampler.reference
+        measured = self.sampler.measure(picture, reference)
+        measured.require_strip()
         return find_shadows(
-            profile, self._settings, sunlit=reference.sunlit, hiding=reference.on_strip
+            measured.profile, self._settings, sunlit=reference.sunlit, hiding=reference.on_strip
         )
 
 

@@ -14,19 +14,37 @@ from cornertouchd.vision.reference import Reference, make_reference
 from cornertouchd.vision.strip import Strip
 from cornertouchd.vision.taps import horizon_taps
 
+ROUGH = 0.08
+LARGEST_ROUGH_SHARE = 0.4
+"""From one column to the next the strip changes by less than this share, but for the edges of
+shadows: a quarter of the columns with twenty fingers on a large frame, three quarters of noise."""
+
+
+class NoiseError(Exception):
+    """A picture shows noise instead of the strip."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
     """What a picture shows: its profile, and the grey levels (width_px,) that it comes from.
 
     `light` is the mean of a column's pixels, `peak` the brightest; `gain` is how much brighter than
-    the reference the uncovered strip is.
+    the reference the uncovered strip is; `rough_share` of the columns differ much from the next.
     """
 
     profile: Profile
     light: FloatArray
     peak: FloatArray
     gain: float
+    rough_share: float
+
+    def require_strip(self) -> None:
+        """Raise `NoiseError` if this can be no strip, whatever stands before it."""
+        if self.rough_share > LARGEST_ROUGH_SHARE:
+            raise NoiseError(
+                f"noise instead of the strip: {self.rough_share:.0%} of the columns differ much "
+                f"from the next, {LARGEST_ROUGH_SHARE:.0%} are believed"
+            )
 
 
 class ProfileSampler:
@@ -53,7 +71,7 @@ class ProfileSampler:
 
     def measure(self, picture: Picture, reference: Reference, gain_before: float = 1.0) -> Measured:
         """Measure a picture against any reference; `gain_before` is the gain to be expected."""
-        brightness, known, light, peak, gain = _measure(
+        brightness, known, light, peak, gain, rough_share = _measure(
             np.ascontiguousarray(picture),
             self.taps.first_rows,
             self.taps.weights,
@@ -64,7 +82,7 @@ class ProfileSampler:
             self._saturated_grey,
             gain_before,
         )
-        return Measured(Profile(brightness, known), light, peak, gain)
+        return Measured(Profile(brightness, known), light, peak, gain, rough_share)
 
 
 def shows_strip(strip: Strip, empty: FloatArray, settings: VisionSettings) -> bool:
@@ -90,8 +108,19 @@ def _sum_taps(
             peak[column] = max(peak[column], grey if weight > 0.0 else 0.0)
 
 
+@inlined
+def _rough_share(brightness: FloatArray, known: BoolArray) -> float:
+    """Return which share of the known columns differs much from the next."""
+    count = rough = 0
+    for column in range(len(known) - 1):
+        if known[column] and known[column + 1]:
+            count += 1
+            rough += int(abs(brightness[column + 1] - brightness[column]) > ROUGH)
+    return rough / count if count else 0.0
+
+
 @compiled(
-    "Tuple((f8[::1], b1[::1], f8[::1], f8[::1], f8))("
+    "Tuple((f8[::1], b1[::1], f8[::1], f8[::1], f8, f8))("
     "Array(u1, 2, 'C', readonly=True), i8[::1], f8[:,::1], "
     "f8[::1], f8[::1], b1[::1], b1[::1], f8, f8)"
 )
@@ -105,8 +134,8 @@ def _measure(
     clipped: BoolArray,
     saturated_grey: float,
     gain_before: float,
-) -> tuple[FloatArray, BoolArray, FloatArray, FloatArray, float]:
-    """Return brightness, known columns, light and peak (all (width_px,)) and gain of a picture.
+) -> tuple[FloatArray, BoolArray, FloatArray, FloatArray, float, float]:
+    """Return brightness, known columns, light and peak (all (width_px,)), gain and rough share.
 
     A column at full scale that is not so without a touch is not known: how bright it is cannot be
     told.
@@ -121,5 +150,6 @@ def _measure(
     gain = most_frequent_brightness(brightness, known, gain_before)
     for column in range(width):
         brightness[column] *= 1.0 / gain
+    rough_share = _rough_share(brightness, known)
     fill_in(brightness, known)
-    return brightness, known, light, peak, gain
+    return brightness, known, light, peak, gain, rough_share

@@ -344,10 +344,12 @@ class TestStateless:
             assert edges(see(camera, TOUCHED, at_s)) == pytest.approx(REFERENCE, abs=0.1)
 
 
-def test_noise_teaches_nothing() -> None:
+def test_noise_is_no_strip_and_teaches_nothing() -> None:
     camera = calibrated()
-    noise = np.random.default_rng(1).integers(0, 256, EMPTY.shape, np.uint8)
-    for at_s in range(60):
-        with pytest.raises(PictureError, match="shadows in one picture"):
-            camera.observe(Frame(CAMERA, 0, float(at_s), 15, noise))
-    assert edges(see(camera, TOUCHED, 61.0)) == pytest.approx(REFERENCE, abs=0.1)
+    for number in range(50):
+        noise = np.random.default_rng(number).integers(0, 256, (64, WIDTH), np.uint8)
+        garbage = Frame(CAMERA, number, 0.1 * number, 15, noise)
+        for look in (camera.observe, camera.find):
+            with pytest.raises(PictureError, match="noise instead of the strip"):
+                look(garbage)
+    assert edges(see(camera, TOUCHED, 5.0)) == pytest.approx(REFERENCE, abs=0.1)

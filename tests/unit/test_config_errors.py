@@ -227,7 +227,7 @@ class TestContradictions:
             ("[cameras]\nreopen_delay_s = 31.0", "[cameras] reopen_delay_s = 31.0 is more than"),
             ("[vision.paper]\nt2_px = 5.0\nt3_px = 4.0", "[vision.paper] t2_px = 5.0 is more than"),
             ("[pairing]\ndeadline_ms = 3.9", "[pairing] tolerance_ms = 4.0 is more than"),
-            ("[crossing]\nlargest_radius_mm = 3.2", "[crossing] smallest_radius_mm = 3.3 is more"),
+            ("[crossing]\nlargest_radius_mm = 1.2", "[crossing] smallest_radius_mm = 1.5 is more"),
         ],
     )
     def test_a_lower_limit_above_its_upper_one_is_refused(self, errors_of, content, begins):

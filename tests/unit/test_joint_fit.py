@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from oracle.nearest_point import nearest_point_to_lines
 
 from cornertouchd.calibration.joint_fit import JointFit, StartingPoint, TouchColumns, fit_jointly
-from cornertouchd.geometry import nearest_point_to_lines
 from cornertouchd.model import FloatArray
 
 WIDTH_PX = 640.0
