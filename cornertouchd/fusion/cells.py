@@ -94,7 +94,7 @@ def find_cells(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> IntArray:
     There are none with fewer than two cameras.  When a frame set has more than the cap allows,
     those touched by the most pairs of edges are kept.
     """
-    cameras, radius_mm = len(rows.seeing), bounds.smallest_radius_mm
+    cameras, radius_mm = len(rows.eyes), bounds.smallest_radius_mm
     met = _CellsMet(
         np.full(_table_size(rows, wanted), -1, np.intp),
         np.empty((MOST_CELLS_MET, cameras), np.intp),
@@ -179,7 +179,7 @@ class _CellsMet(NamedTuple):
 def _table_size(rows: EdgeRows, wanted: Wanted) -> int:
     """Return a power of two, twice the number of possible cells."""
     possible = 1
-    for camera in range(len(rows.seeing)):
+    for camera in range(len(rows.eyes)):
         if wanted.believed[camera] and possible < MOST_CELLS_MET:
             possible *= rows.first_shadow[camera + 1] - rows.first_shadow[camera]
     size = 16

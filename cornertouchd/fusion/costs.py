@@ -87,7 +87,7 @@ def price_new_discs(pool: Pool, first: int, end: int, cost: float) -> None:
 @inlined
 def costs_of(pool: Pool, count: int, rows: EdgeRows, edge_sigma_px: float) -> Costs:
     """Weigh the first `count` discs.  `edge_sigma_px` tells how wide a pixel is in `rows`."""
-    cameras = len(rows.seeing)
+    cameras = len(rows.eyes)
     no_edge = len(rows.valid)
     first_piece = _first_pieces(rows, edge_sigma_px)
     piece_count = first_piece[len(first_piece) - 1]

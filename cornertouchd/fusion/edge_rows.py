@@ -46,7 +46,7 @@ class EdgeRows(NamedTuple):
     Shadows are numbered through all cameras; camera c owns those from `first_shadow[c]` up to
     `first_shadow[c + 1]`, in ascending order of angle.  Edge e of shadow s has number 2 s + e, its
     row in `lines` (2 S, 3) is the inward normal and the offset n.P, and `valid` (2 S,) says whether
-    it bounds anything.  `seeing` (C,) are the cameras' numbers among all.  `eyes` (C, 5) holds x, y
+    it bounds anything.  `eyes` (C, 5) holds x, y
     and an angle amid the camera's shadows with its cosine and sine, around which angles are
     unwrapped.  `shadows` (S, 4) have the columns `FIRST`, `LAST`, `SIGMA` and `BEGINS`: the first
     angle once more, as a turn.
@@ -55,7 +55,6 @@ class EdgeRows(NamedTuple):
     run thousands of times are given the arrays that they need.
     """
 
-    seeing: IntArray
     eyes: FloatArray
     first_shadow: IntArray
     shadows: FloatArray
@@ -64,27 +63,30 @@ class EdgeRows(NamedTuple):
 
 
 @inlined
-def edge_rows(seen: Sightings) -> EdgeRows:
-    """Collect the rows of all cameras that have a usable shadow; the others are left out."""
+def edge_rows(seen: Sightings) -> tuple[EdgeRows, IntArray]:
+    """Collect the rows of all cameras that have a usable shadow; the others are left out.
+
+    Also returns which cameras they are, by their numbers among all.
+    """
     kept, counts = _usable_shadows(seen)
     cameras, shadows = 0, len(kept)
     for count in counts:
         cameras += count > 0
     rows = EdgeRows(
-        np.empty(cameras, np.intp),
         np.empty((cameras, 5)),
         np.zeros(cameras + 1, np.intp),
         np.empty((shadows, 4)),
         np.empty((2 * shadows, 3)),
         np.empty(2 * shadows, np.bool_),
     )
+    seeing = np.empty(cameras, np.intp)
     camera = start = 0
     for number in range(len(counts)):
         if counts[number] == 0:
             continue
         end = start + counts[number]
         forward_rad = (seen.first_rad[kept[start]] + seen.last_rad[kept[end - 1]]) / 2.0
-        rows.seeing[camera] = number
+        seeing[camera] = number
         rows.first_shadow[camera + 1] = end
         rows.eyes[camera, 0] = seen.positions_mm[number, 0]
         rows.eyes[camera, 1] = seen.positions_mm[number, 1]
@@ -94,7 +96,7 @@ def edge_rows(seen: Sightings) -> EdgeRows:
         for shadow in range(start, end):
             _write_shadow(rows, camera, shadow, seen, kept[shadow])
         camera, start = camera + 1, end
-    return rows
+    return rows, seeing
 
 
 @inlined

@@ -16,6 +16,7 @@ from cornertouchd.fusion.edge_rows import EdgeRows, Sightings, edge_rows, row_of
 from cornertouchd.fusion.pool import (
     COST_OF_AN_EDGE,
     MOST_CANDIDATES,
+    SMALLEST_FINGER_RADIUS_MM,
     Pool,
     empty_pool,
 )
@@ -23,7 +24,6 @@ from cornertouchd.fusion.predicted import COST_OF_A_MISSED_SHADOW, PredictedDisc
 from cornertouchd.fusion.refinement import RefinedDiscs, refine
 from cornertouchd.fusion.rescue import (
     FEWEST_EDGES,
-    SMALLEST_FINGER_RADIUS_MM,
     cameras_to_believe,
     is_needed,
     keep_rescued,
@@ -50,7 +50,7 @@ def _search(
 
 @inlined
 def _contacts(
-    rows: EdgeRows,
+    seeing: IntArray,
     bounds: DiscBounds,
     pool: Pool,
     explanation: Explanation,
@@ -71,7 +71,7 @@ def _contacts(
         for row in range(refined.owned.shape[1]):
             if refined.owned[place, row]:
                 counted[place, 0] += 1
-                counted[place, 1] |= 1 << rows.seeing[row // 2]
+                counted[place, 1] |= 1 << seeing[row // 2]
     return measured, counted
 
 
@@ -106,12 +106,12 @@ def explain(
     prediction that it continues, or -1.  The arguments are those of `Sightings`, `DiscLimits` and
     `Predictions`; `is_followed` tells whether touches are followed, though there may be none yet.
     """
-    rows = edge_rows(
+    rows, seeing = edge_rows(
         Sightings(
             positions_mm, shadow_counts, first_rad, last_rad, first_valid, last_valid, sigma_rad
         )
     )
-    if len(rows.seeing) < 2:
+    if len(seeing) < 2:
         return np.empty((0, 6)), np.empty((0, 3), np.intp)
     predicted = PredictedDiscs(
         predicted_discs, position_variances_mm2, radius_variances_mm2, costs_of_predicted
@@ -125,19 +125,19 @@ def explain(
     fingers = DiscBounds(
         width_mm, height_mm, smallest_finger_mm, largest_radius_mm, shape_variance_mm2
     )
-    pool = empty_pool(MOST_CANDIDATES, len(rows.seeing))
+    pool = empty_pool(MOST_CANDIDATES, len(seeing))
     unexplained, count = rows.valid, 0
     for stage in (FINGERS, PENS, MISSED):
         if stage == PENS and smallest_radius_mm >= smallest_finger_mm:
             continue
         if stage == MISSED:
-            camera_sets = cameras_to_believe(len(rows.seeing))
+            camera_sets = cameras_to_believe(len(seeing))
             for number in range(len(camera_sets)):  # so that all rows are known to be contiguous
                 wanted = Wanted(camera_sets[number], unexplained, FEWEST_EDGES)
                 price = cost + COST_OF_A_MISSED_SHADOW
                 count = _search(rows, wanted, everything, pool, count, price)
         else:
-            wanted = Wanted(np.full(len(rows.seeing), True), unexplained, 0)
+            wanted = Wanted(np.full(len(seeing), True), unexplained, 0)
             bounds = fingers if stage == FINGERS else everything
             count = _search(rows, wanted, bounds, pool, 0, cost)
             count = add_predicted(rows, predicted, everything, pool, count)
@@ -147,4 +147,4 @@ def explain(
         if not is_needed(rows, unexplained, len(explanation.chosen)):
             break
     refined = refine(pool, explanation.chosen, rows, predicted)
-    return _contacts(rows, everything, pool, explanation, refined)
+    return _contacts(seeing, everything, pool, explanation, refined)

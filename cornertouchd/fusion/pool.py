@@ -25,6 +25,8 @@ COST_OF_AN_EDGE = 4.0
 # opposite cameras see from the same side.  Changing any by half moves F1 by less than 1 %.
 FINGER_RADII_MM = (3.5, 8.5)
 SIZE_SIGMA_MM = 1.5
+# Thinner than this is a pen.
+SMALLEST_FINGER_RADIUS_MM = 3.3
 # About 50 for ten contacts, 150 for twenty.
 MOST_CANDIDATES = 600
 

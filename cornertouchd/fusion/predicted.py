@@ -94,7 +94,7 @@ def _add_one(
         inside
         and innovation <= LARGEST_COST_OF_INNOVATION
         and is_possible(bounds, x, y, radius)
-        and len(rows.seeing) - missed >= FEWEST_CAMERAS_THAT_SHOW_IT
+        and len(rows.eyes) - missed >= FEWEST_CAMERAS_THAT_SHOW_IT
     )
 
 
@@ -109,7 +109,7 @@ def _choose_shadows(
     lines, first_shadow = rows.lines, rows.first_shadow
     x, y, radius = row_of_three(pool.discs, place)
     missed = 0
-    for camera in range(len(rows.seeing)):
+    for camera in range(len(rows.eyes)):
         shadow = shadow_at(rows.eyes, rows.shadows, first_shadow, camera, x, y)
         behind = slack_of(lines, 2 * shadow + 1, x, y, 0.0)
         if shadow + 1 < first_shadow[camera + 1] and behind < min(
@@ -145,7 +145,7 @@ def _move_to_edges(
     x_moment, y_moment = xx * predicted.discs[number, 0], yy * predicted.discs[number, 1]
     r_moment = rr * predicted.discs[number, 2]
     xy = xr = yr = 0.0
-    for camera in range(len(rows.seeing)):
+    for camera in range(len(rows.eyes)):
         shadow = pool.shadows[place, camera]
         if shadow == NO_SHADOW:
             continue

@@ -14,12 +14,11 @@ import numpy as np
 
 from cornertouchd.compiling import inlined
 from cornertouchd.fusion.cells import Wanted
+from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import NO_SHADOW, EdgeRows, row_of_three
 from cornertouchd.fusion.pool import Pool, copy_disc
-from cornertouchd.model import BoolArray
+from cornertouchd.model import BoolArray, FloatArray
 
-# Thinner than this is a pen.
-SMALLEST_FINGER_RADIUS_MM = 3.3
 # With three cameras two would be left, and any two shadows cross.
 FEWEST_CAMERAS = 4
 # Two whole shadows.  Three edges would find a tenth more of the missed contacts, but with a
@@ -68,8 +67,11 @@ def keep_rescued(rows: EdgeRows, wanted: Wanted, pool: Pool, first: int, end: in
     """
     count = first
     for disc in range(first, end):
-        if _explains_enough(pool, disc, wanted.edges) and _is_in_line(
-            rows, wanted.believed, pool, disc
+        x, y, radius = row_of_three(pool.discs, disc)
+        if (
+            radius <= LARGEST_RADIUS_MM
+            and _explains_enough(pool.shadows, pool.misfits, disc, wanted.edges)
+            and _is_in_line(rows.eyes, wanted.believed, x, y, radius)
         ):
             copy_disc(pool, count, pool, disc)
             count += 1
@@ -77,40 +79,34 @@ def keep_rescued(rows: EdgeRows, wanted: Wanted, pool: Pool, first: int, end: in
 
 
 @inlined
-def _explains_enough(pool: Pool, disc: int, unexplained: BoolArray) -> bool:
+def _explains_enough(
+    shadows: IntArray, misfits: FloatArray, disc: int, unexplained: BoolArray
+) -> bool:
     edges = cameras = 0
-    for camera in range(pool.shadows.shape[1]):
-        shadow = pool.shadows[disc, camera]
+    for camera in range(shadows.shape[1]):
+        shadow = shadows[disc, camera]
         if shadow != NO_SHADOW:
-            first = pool.misfits[disc, 2 * camera] < np.inf and unexplained[2 * shadow]
-            last = pool.misfits[disc, 2 * camera + 1] < np.inf and unexplained[2 * shadow + 1]
+            first = misfits[disc, 2 * camera] < np.inf and unexplained[2 * shadow]
+            last = misfits[disc, 2 * camera + 1] < np.inf and unexplained[2 * shadow + 1]
             edges += int(first) + int(last)
             cameras += int(first or last)
-    return (
-        edges >= FEWEST_EDGES
-        and cameras >= FEWEST_CAMERAS_WITH_EDGES
-        and pool.discs[disc, 2] <= LARGEST_RADIUS_MM
-    )
+    return edges >= FEWEST_EDGES and cameras >= FEWEST_CAMERAS_WITH_EDGES
 
 
 @inlined
-def _is_in_line(rows: EdgeRows, believed: BoolArray, pool: Pool, disc: int) -> bool:
-    """Tell whether each of two disbelieved cameras sees the disc before the body of the other."""
+def _is_in_line(
+    eyes: FloatArray, believed: BoolArray, x_mm: float, y_mm: float, radius_mm: float
+) -> bool:
+    """Tell whether each of two disbelieved cameras sees a disc before the body of the other."""
     for a in range(len(believed)):
         for b in range(len(believed)):
-            both = a != b and not (believed[a] or believed[b])
-            if both and not _is_before_body(rows, pool, disc, a, b):
+            if a == b or believed[a] or believed[b]:
+                continue
+            dx, dy = x_mm - eyes[a, 0], y_mm - eyes[a, 1]
+            body_x, body_y = eyes[b, 0] - eyes[a, 0], eyes[b, 1] - eyes[a, 1]
+            beside = np.abs(np.arctan2(dx * body_y - dy * body_x, dx * body_x + dy * body_y))
+            distance, apart = np.hypot(dx, dy), np.hypot(body_x, body_y)
+            half_angle = np.arcsin(radius_mm / distance) if distance > radius_mm else np.pi
+            if beside >= half_angle + CAMERA_BODY_MM / apart:
                 return False
     return True
-
-
-@inlined
-def _is_before_body(rows: EdgeRows, pool: Pool, disc: int, eye: int, other: int) -> bool:
-    x, y, radius = row_of_three(pool.discs, disc)
-    eye_x, eye_y = rows.eyes[eye, 0], rows.eyes[eye, 1]
-    dx, dy = x - eye_x, y - eye_y
-    body_x, body_y = rows.eyes[other, 0] - eye_x, rows.eyes[other, 1] - eye_y
-    beside = np.abs(np.arctan2(dx * body_y - dy * body_x, dx * body_x + dy * body_y))
-    distance = np.hypot(dx, dy)
-    half_angle = np.arcsin(radius / distance) if distance > radius else np.pi
-    return bool(beside < half_angle + CAMERA_BODY_MM / np.hypot(body_x, body_y))

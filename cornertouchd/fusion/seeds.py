@@ -39,7 +39,7 @@ def find_seeds(rows: EdgeRows, cells: IntArray, bounds: DiscBounds) -> tuple[See
     seeds = Seeds(
         np.empty((MOST_SEEDS, 3)), np.empty(MOST_SEEDS, np.intp), np.empty(MOST_SEEDS, np.intp)
     )
-    edge_count = 2 * len(rows.seeing)
+    edge_count = 2 * len(rows.eyes)
     edges, valid = np.empty((edge_count, 6)), np.empty(edge_count, np.bool_)
     met_in = np.full(1 << edge_count, -1, np.intp)
     count = 0

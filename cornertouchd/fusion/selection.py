@@ -45,6 +45,16 @@ class Explanation(NamedTuple):
     edge_costs: FloatArray
 
 
+class _Found(NamedTuple):
+    """A set of discs that was found, (K,), of which the caller counts those in use.
+
+    `edge_costs` (E,) are left to pay for the edges.
+    """
+
+    chosen: IntArray
+    edge_costs: FloatArray
+
+
 class _Set(NamedTuple):
     """A set of discs that grows: `chosen` (K,), of which the caller counts those in use.
 
@@ -77,53 +87,50 @@ def cheapest_explanation(costs: Costs) -> Explanation:
         np.empty(count),
         np.empty(count, np.intp),
     )
-    start, without_one = np.empty(count + 1, np.intp), np.empty(count)
-    best, edge_costs, promise = (
-        np.empty(count, np.intp),
-        np.empty(costs.edge_count),
-        np.empty(count),
-    )
+    start, without_one, promise = np.empty(count + 1, np.intp), np.empty(count), np.empty(count)
+    best = _Found(np.empty(count, np.intp), np.empty(costs.edge_count))
+    better = _Found(np.empty(count, np.intp), np.empty(costs.edge_count))
     size, cost = _fill_up(costs, discs, start, 0, NOBODY)
-    _remember(discs, size, best, edge_costs)
+    _remember(discs, size, best)
     for step in range(MOST_ROUNDS + 1):
-        cheapest, cheapest_cost = NOBODY, cost - SMALLEST_SAVING
+        better_size, better_cost = NOBODY, cost - SMALLEST_SAVING
         for place in range(size):
-            _leave_out(best, size, place, start)
-            _, without_one[place] = _fill_up(costs, discs, start, size - 1, best[place])
-            if without_one[place] < cheapest_cost:
-                cheapest, cheapest_cost = place, without_one[place]
+            _leave_out(best.chosen, size, place, start)
+            found, found_cost = _fill_up(costs, discs, start, size - 1, best.chosen[place])
+            without_one[place] = found_cost
+            if found_cost < better_cost:
+                better_size, better_cost = found, found_cost
+                _remember(discs, found, better)
         if step == MOST_ROUNDS:
             break
-        if cheapest != NOBODY:
-            _leave_out(best, size, cheapest, start)
-            size, cost = _fill_up(costs, discs, start, size - 1, best[cheapest])
-            _remember(discs, size, best, edge_costs)
-            continue
-        for _ in range(_promising(costs, edge_costs, without_one, size, cost, promise)):
+        tries = 0
+        if better_size == NOBODY:
+            tries = _promising(costs, best.edge_costs, without_one, size, cost, promise)
+        for _ in range(tries):
             disc = _take_most_promising(promise)
-            if _is_among(best, size, disc):
+            if _is_among(best.chosen, size, disc):
                 continue
-            kept = _put_in(costs.conflicts, best, size, without_one, cost, disc, start)
-            _, put_in_cost = _fill_up(costs, discs, start, kept, NOBODY)
-            if put_in_cost < cheapest_cost:
-                cheapest, cheapest_cost = disc, put_in_cost
-        if cheapest == NOBODY:
+            kept = _put_in(costs.conflicts, best.chosen, size, without_one, cost, disc, start)
+            found, found_cost = _fill_up(costs, discs, start, kept, NOBODY)
+            if found_cost < better_cost:
+                better_size, better_cost = found, found_cost
+                _remember(discs, found, better)
+        if better_size == NOBODY:
             break
-        kept = _put_in(costs.conflicts, best, size, without_one, cost, cheapest, start)
-        size, cost = _fill_up(costs, discs, start, kept, NOBODY)
-        _remember(discs, size, best, edge_costs)
+        size, cost = better_size, better_cost
+        best, better = better, best
     margins = np.empty(size)
     for place in range(size):
         margins[place] = max(without_one[place] - cost, 0.0)
-    return Explanation(best[:size], margins, edge_costs)
+    return Explanation(best.chosen[:size], margins, best.edge_costs)
 
 
 @inlined
-def _remember(discs: _Set, size: int, best: IntArray, edge_costs: FloatArray) -> None:
+def _remember(discs: _Set, size: int, found: _Found) -> None:
     for place in range(size):
-        best[place] = discs.chosen[place]
-    for edge in range(len(edge_costs)):
-        edge_costs[edge] = discs.edge_costs[edge]
+        found.chosen[place] = discs.chosen[place]
+    for edge in range(len(found.edge_costs)):
+        found.edge_costs[edge] = discs.edge_costs[edge]
 
 
 @inlined

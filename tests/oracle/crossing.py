@@ -11,10 +11,15 @@ import numpy as np
 
 from cornertouchd.fusion.costs import COST_OF_A_DISC, COST_OF_A_NEW_DISC
 from cornertouchd.fusion.crossed import Crossed, Predictions
-from cornertouchd.fusion.edge_crossing import MARGIN_SCALE, NO_PREDICTIONS
+from cornertouchd.fusion.edge_crossing import (
+    FEWEST_OWN_EDGES,
+    LEAST_MARGIN,
+    MARGIN_SCALE,
+    NO_PREDICTIONS,
+)
 from cornertouchd.fusion.limits import DiscLimits
+from cornertouchd.fusion.pool import SMALLEST_FINGER_RADIUS_MM
 from cornertouchd.fusion.predicted import COST_OF_A_MISSED_SHADOW
-from cornertouchd.fusion.rescue import SMALLEST_FINGER_RADIUS_MM
 from cornertouchd.model import BoolArray, Contact, DirectingLines, FloatArray
 from oracle.candidates import dearer, find_candidates, joined
 from oracle.cells import find_cells
@@ -66,11 +71,16 @@ class OracleCrossing:
                 break
         chosen = candidates.take(explanation.chosen)
         refined = refine(chosen, rows.edge_count, followed)
+        contacts = self._contacts(refined, explanation.margins, rows.cameras)
+        supports = explanation.margins + chosen.own
+        own_edges = np.count_nonzero(refined.owned, axis=1)
+        is_clear = (explanation.margins >= LEAST_MARGIN) & (own_edges >= FEWEST_OWN_EDGES)
+        believed = is_clear | (chosen.prediction >= 0)
         return Crossed(
-            self._contacts(refined, explanation.margins, rows.cameras),
-            explanation.margins + chosen.own,
-            np.count_nonzero(refined.owned, axis=1),
-            chosen.prediction,
+            tuple(contacts[number] for number in np.flatnonzero(believed)),
+            supports[believed],
+            own_edges[believed],
+            chosen.prediction[believed],
         )
 
     def _contacts(

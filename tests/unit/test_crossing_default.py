@@ -252,12 +252,27 @@ def test_something_beside_the_surface_is_no_contact() -> None:
 
 def test_the_settings_bound_the_size_of_contacts() -> None:
     pen, palm = (100.0, 250.0, 1.5), (200.0, 150.0, 30.0)
-    assert crossing()(bearings_of([pen])) == ()
+    assert crossing(smallest_radius_mm=3.3)(bearings_of([pen])) == ()
     (thin,) = crossing(smallest_radius_mm=1.2)(bearings_of([pen]))
     assert (thin.x_mm, thin.y_mm) == pytest.approx(pen[:2], abs=0.1)
     (wide,) = crossing()(bearings_of([palm]))
     assert wide.diameter_mm == pytest.approx(60.0, abs=0.5)
     assert all(c.diameter_mm < 55.0 for c in crossing(largest_radius_mm=25.0)(bearings_of([palm])))
+
+
+def test_pens_are_found_among_fingers() -> None:
+    pens = [(100.0, 250.0, 2.0), (250.0, 130.0, 2.6)]
+    fingers = [(140.0, 120.0, 6.0), (230.0, 300.0, 7.0), (60.0, 330.0, 5.0)]
+    contacts = crossing(smallest_radius_mm=1.5)(bearings_of([*pens, *fingers]))
+    assert_found(contacts, [*pens, *fingers], within_mm=0.5)
+    thin = [contact for contact in contacts if contact.diameter_mm < 6.0]
+    assert len(thin) == 2
+
+
+def test_looking_for_pens_changes_nothing_where_there_are_none() -> None:
+    directing_lines = bearings_of(random_discs(10, np.random.default_rng(12)))
+    fingers_only = crossing(smallest_radius_mm=3.3)(directing_lines)
+    assert crossing(smallest_radius_mm=1.5)(directing_lines) == fingers_only
 
 
 def test_an_ellipse_is_found_at_its_centre() -> None:
