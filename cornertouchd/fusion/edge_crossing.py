@@ -21,8 +21,6 @@ from cornertouchd.model import Contact, DirectingLines
 MARGIN_SCALE = 3.6
 # Without such a contact the shadows are explained as cheaply: nearly half of them are ghosts.
 LEAST_MARGIN = 0.05
-# One edge leaves a contact anywhere along a line; a third of those are ghosts.
-FEWEST_OWN_EDGES = 2
 NO_PREDICTIONS = Predictions(np.empty((0, 3)), np.empty(0), np.empty(0), np.empty(0))
 
 
@@ -66,8 +64,7 @@ class EdgeCrossing:
             np.ascontiguousarray(expected.radius_variances_mm2),
             np.ascontiguousarray(expected.costs),
         )
-        is_clear = (measured[:, 4] >= LEAST_MARGIN) & (counted[:, 0] >= FEWEST_OWN_EDGES)
-        believed = is_clear | (counted[:, 2] >= 0)
+        believed = (measured[:, 4] >= LEAST_MARGIN) | (counted[:, 2] >= 0)
         if not believed.all():
             measured, counted = measured[believed], counted[believed]
         names = tuple(one.camera for one in directing_lines)

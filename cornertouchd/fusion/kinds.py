@@ -27,6 +27,9 @@ EDGES_OF_A_FINGER = 4
 """A contact of a finger's size that owns so many edges is one: fingers in a row look like a palm to
 cameras that all see them askew."""
 
+FEWEST_EDGES_OF_A_NEW_FINGER = 2
+"""One edge leaves it anywhere along a line: a third of those are ghosts (random crowds)."""
+
 CAMERAS_OF_A_PALM = 3
 CAMERAS_OF_AN_ARM = 2
 """A finger that a crowd hides from most cameras stands amid wide shadows, too."""
@@ -73,7 +76,7 @@ class KindsOfContacts:
             crossed = self._with_palms(crossed, directing_lines, suspects)
         if any(contact.diameter_mm < self._pen_mm for contact in crossed.contacts):
             crossed = replace(crossed, contacts=tuple(map(self._or_pen, crossed.contacts)))
-        return crossed
+        return _without_guesses(crossed)
 
     def _or_pen(self, contact: Contact) -> Contact:
         is_pen = (
@@ -192,6 +195,24 @@ class KindsOfContacts:
             for arm in arms
         )
         return replace(contact, kind="palm") if belongs else contact
+
+
+def _without_guesses(crossed: Crossed) -> Crossed:
+    """Leave out new fingers that own hardly an edge, and are no part of a palm either."""
+    guessed = (crossed.own_edges < FEWEST_EDGES_OF_A_NEW_FINGER) & (crossed.predictions < 0)
+    if not guessed.any():
+        return crossed
+    kept = [
+        number
+        for number, contact in enumerate(crossed.contacts)
+        if contact.kind == "palm" or not guessed[number]
+    ]
+    return Crossed(
+        tuple(crossed.contacts[number] for number in kept),
+        crossed.supports[kept],
+        crossed.own_edges[kept],
+        crossed.predictions[kept],
+    )
 
 
 def _is_clear_finger(crossed: Crossed, number: int) -> bool:

@@ -12,7 +12,6 @@ import numpy as np
 from cornertouchd.fusion.costs import COST_OF_A_DISC, COST_OF_A_NEW_DISC
 from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.edge_crossing import (
-    FEWEST_OWN_EDGES,
     LEAST_MARGIN,
     MARGIN_SCALE,
     NO_PREDICTIONS,
@@ -73,13 +72,11 @@ class OracleCrossing:
         refined = refine(chosen, rows.edge_count, followed)
         contacts = self._contacts(refined, explanation.margins, rows.cameras)
         supports = explanation.margins + chosen.own
-        own_edges = np.count_nonzero(refined.owned, axis=1)
-        is_clear = (explanation.margins >= LEAST_MARGIN) & (own_edges >= FEWEST_OWN_EDGES)
-        believed = is_clear | (chosen.prediction >= 0)
+        believed = (explanation.margins >= LEAST_MARGIN) | (chosen.prediction >= 0)
         return Crossed(
             tuple(contacts[number] for number in np.flatnonzero(believed)),
             supports[believed],
-            own_edges[believed],
+            np.count_nonzero(refined.owned, axis=1)[believed],
             chosen.prediction[believed],
         )
 
