@@ -19,7 +19,6 @@ from cornertouchd.fusion.pool import (
     COST_OF_AN_EDGE,
     FINGER_RADII_MM,
     SIZE_SIGMA_MM,
-    SMALLEST_FINGER_RADIUS_MM,
     Pool,
     copy_disc,
     cost_of_edge,
@@ -32,8 +31,6 @@ from cornertouchd.model import FloatArray
 
 # A disc that is known no better than this is a guess along a line.
 LARGEST_POSITION_SIGMA_MM = 6.0
-# Fewer leave a disc open.  What is thin fits in everywhere, and must cast more than one shadow.
-FEWEST_EDGES, FEWEST_EDGES_OF_A_PEN = 2, 3
 # Discs whose fits differ by less are the same disc.  Ten times more loses one pair of touching
 # fingers in fifty.
 NEGLIGIBLE_COST = 0.1
@@ -88,11 +85,10 @@ def _fit(rows: EdgeRows, bounds: DiscBounds, edges: int, fits: Pool, place: int)
     for row in range(fits.misfits.shape[1]):
         touched += int(fits.misfits[place, row] < GATE_SIGMAS)
     x, y, radius = row_of_three(fits.discs, place)
-    is_pen = radius < SMALLEST_FINGER_RADIUS_MM
     return (
         inside
         and is_possible(bounds, x, y, radius)
-        and touched >= (FEWEST_EDGES_OF_A_PEN if is_pen else FEWEST_EDGES)
+        and touched >= 2
         and position_variance < LARGEST_POSITION_SIGMA_MM**2
     )
 

@@ -13,8 +13,6 @@ from itertools import combinations
 import numpy as np
 
 from cornertouchd.fusion.candidates import (
-    FEWEST_EDGES,
-    FEWEST_EDGES_OF_A_PEN,
     LARGEST_POSITION_SIGMA_MM,
     LEAST_WEIGHT,
     NEGLIGIBLE_COST,
@@ -28,7 +26,6 @@ from cornertouchd.fusion.pool import (
     FINGER_RADII_MM,
     MOST_CANDIDATES,
     SIZE_SIGMA_MM,
-    SMALLEST_FINGER_RADIUS_MM,
 )
 from cornertouchd.fusion.seeds import SMALLEST_DETERMINANT, SMALLEST_SINE
 from cornertouchd.geometry import line_crossings
@@ -216,14 +213,12 @@ def _fitted(
 def _plausible(candidates: Candidates, limits: DiscLimits) -> BoolArray:
     discs = candidates.discs
     slack, sigma = candidates.rows.slacks(discs, limits.shape_sigma_mm)
-    is_pen = discs[:, 2] < SMALLEST_FINGER_RADIUS_MM
-    fewest = np.where(is_pen, FEWEST_EDGES_OF_A_PEN, FEWEST_EDGES)
     plausible: BoolArray = (
         candidates.rows.contain(discs, slack, sigma)
         & (discs[:, 2] > limits.smallest_radius_mm)
         & (discs[:, 2] < limits.largest_radius_mm)
         & limits.on_surface(discs[:, :2])
-        & (np.count_nonzero(candidates.tangent, axis=1) >= fewest)
+        & (np.count_nonzero(candidates.tangent, axis=1) >= 2)
         & (candidates.position_sigma_mm < LARGEST_POSITION_SIGMA_MM)
     )
     return plausible
