@@ -79,10 +79,9 @@ class _Announcement(event.Listener):
 
 
 def _use_cache() -> None:
-    """Tell numba where to keep what it compiles, unless the user has ($NUMBA_CACHE_DIR)."""
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        return
-    directory = cache_directory(os.environ) / f"compiled-{_sources_key()}"
+    """Tell numba where to keep what it compiles: in $NUMBA_CACHE_DIR, else in our own cache."""
+    place = Path(os.environ.get("NUMBA_CACHE_DIR") or cache_directory(os.environ))
+    directory = place / f"compiled-{_sources_key()}"
     try:
         if not directory.exists():
             _drop_outdated(directory.parent)

@@ -171,7 +171,8 @@ class SurfacePipeline:
         seen = self._common_time.carry(self._dirt.set_aside(frame_set))
         crossed = self._crossed(seen, self._tracker.predict(now_s))
         self._dirt.learn(frame_set, crossed.contacts)
-        return crossed.contacts, self._tracker.update(now_s, crossed)
+        whole = len(frame_set.observations) == len(self._lines)
+        return crossed.contacts, self._tracker.update(now_s, crossed, whole=whole)
 
     def _crossed(self, frame_set: FrameSet, predictions: Predictions | None) -> Crossed:
         directing_lines = [

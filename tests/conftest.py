@@ -24,7 +24,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure() -> None:
     """Compile before the tests are shared out; commands that they start find it in the cache."""
     importlib.import_module("cornertouchd.pipeline")
-    os.environ["NUMBA_CACHE_DIR"] = numba.config.CACHE_DIR
+    os.environ["NUMBA_CACHE_DIR"] = str(Path(numba.config.CACHE_DIR).parent)
 
 
 @pytest.fixture

@@ -49,6 +49,7 @@ CONFIDENCE_WITHOUT_CONFIRMATION = 0.5
 # Where two cameras see two fingers, the two ghosts explain their shadows nearly as well as the
 # fingers do, frame after frame: being seen again proves nothing then.
 CAMERAS_THAT_CONFIRM = 3
+FRAMES_THAT_CONFIRM = 3.0
 # One frame set may take two fingers that meet for a palm.
 PALMS_THAT_LATCH = 2
 # A hand that lifts looks like a finger for less than a fifth of a second.  What is one for longer
@@ -153,11 +154,17 @@ def goes_on(track: FloatArray, coast_frames: float) -> bool:
 
 
 @inlined
-def is_sure(track: FloatArray, contact: FloatArray, confirm_frames: float) -> bool:
-    """Whether a touch that the contact shows is real enough to be reported."""
-    if contact[CONFIDENCE] >= CONFIDENCE_WITHOUT_CONFIRMATION:
-        return True
-    return bool(track[SEEN] >= confirm_frames and contact[CAMERAS] >= CAMERAS_THAT_CONFIRM)
+def is_sure(track: FloatArray, contact: FloatArray, confirm_frames: float, whole: bool) -> bool:
+    """Whether a touch that the contact shows is real enough to be reported.
+
+    A frame set that lacks a camera makes ghosts that look sure, but seldom the same ones as the
+    next: then both is asked for.
+    """
+    is_confident = contact[CONFIDENCE] >= CONFIDENCE_WITHOUT_CONFIRMATION
+    is_confirmed = track[SEEN] >= confirm_frames and contact[CAMERAS] >= CAMERAS_THAT_CONFIRM
+    if whole:
+        return bool(is_confident or is_confirmed)
+    return bool(is_confident and track[SEEN] >= max(confirm_frames, FRAMES_THAT_CONFIRM))
 
 
 @inlined

@@ -39,10 +39,15 @@ from cornertouchd.model import FloatArray
 
 @inlined
 def _report_if_sure(
-    track: FloatArray, contact: FloatArray, rules: FloatArray, now_s: float, last_id: int
+    track: FloatArray,
+    contact: FloatArray,
+    rules: FloatArray,
+    now_s: float,
+    last_id: int,
+    whole: bool,
 ) -> int:
     """Give the track the next id if it is a touch for sure; return the last id."""
-    if is_palm(track) or not is_sure(track, contact, rules[CONFIRM_FRAMES]):
+    if is_palm(track) or not is_sure(track, contact, rules[CONFIRM_FRAMES], whole):
         return last_id
     track[ID] = last_id + 1
     track[REPORTED_AT_S] = now_s
@@ -59,6 +64,7 @@ def _begin(
     rules: FloatArray,
     now_s: float,
     last_id: int,
+    whole: bool,
 ) -> int:
     """Make a track of a contact that continues none; return the last id."""
     track[:] = 0.0
@@ -68,7 +74,7 @@ def _begin(
         # what a palm falls apart into when the hand lifts
         if is_part_of_palm(contact, expected[number]):
             track[PALM_RADIUS] = contact[AT_RADIUS]
-    return _report_if_sure(track, contact, rules, now_s, last_id)
+    return _report_if_sure(track, contact, rules, now_s, last_id, whole)
 
 
 @inlined
@@ -79,6 +85,7 @@ def _go_on(
     now_s: float,
     elapsed_s: float,
     last_id: int,
+    whole: bool,
 ) -> int:
     """Bring a track to the contact that continues it; return the last id."""
     if is_taken_for_palm(track, contact):
@@ -90,7 +97,7 @@ def _go_on(
     if is_reported(track):
         show(track, now_s, rules)
         return last_id
-    return _report_if_sure(track, contact, rules, now_s, last_id)
+    return _report_if_sure(track, contact, rules, now_s, last_id, whole)
 
 
 @compiled("Tuple((f8[:,::1], f8[:,::1], f8[::1], f8[::1], f8[::1]))(f8[:,::1], f8, f8, f8)")
@@ -114,7 +121,7 @@ def predicted(
 
 
 @compiled(
-    "Tuple((f8[:,::1], i8))(f8[:,::1], i8[::1], f8[:,::1], f8[::1], f8, f8, i8)",
+    "Tuple((f8[:,::1], i8))(f8[:,::1], i8[::1], f8[:,::1], f8[::1], f8, f8, i8, b1)",
 )
 def updated(
     expected: FloatArray,
@@ -124,8 +131,12 @@ def updated(
     now_s: float,
     elapsed_s: float,
     last_id: int,
+    whole: bool,
 ) -> tuple[FloatArray, int]:
-    """Return the tracks that go on or begin, and the last id that is given."""
+    """Return the tracks that go on or begin, and the last id that is given.
+
+    `whole` says whether all cameras saw the frame set.
+    """
     tracks = np.zeros((len(expected) + len(contacts), TRACK_COLUMNS))
     taken = contacts[:, TOUCHES] == 0.0
     count = 0
@@ -139,11 +150,13 @@ def updated(
             show_last(track)
         else:
             taken[partner] = True
-            last_id = _go_on(track, contacts[partner], rules, now_s, elapsed_s, last_id)
+            last_id = _go_on(track, contacts[partner], rules, now_s, elapsed_s, last_id, whole)
         if goes_on(track, rules[COAST_FRAMES]):
             count += 1
     for number in range(len(contacts)):
         if not taken[number]:
-            last_id = _begin(tracks[count], contacts[number], expected, rules, now_s, last_id)
+            last_id = _begin(
+                tracks[count], contacts[number], expected, rules, now_s, last_id, whole
+            )
             count += 1
     return tracks[:count].copy(), last_id

@@ -69,11 +69,14 @@ class Tracker:
         self._advance(captured_at_s)
         return Predictions(*self._predicted[1:])
 
-    def update(self, captured_at_s: float, crossed: Crossed) -> tuple[Touch, ...]:
+    def update(
+        self, captured_at_s: float, crossed: Crossed, *, whole: bool = True
+    ) -> tuple[Touch, ...]:
         """Return the touches after a frame set with these contacts, by ascending id.
 
         A touch is first reported where its contact was measured.  One that is not seen rests where
-        it was last for `coast_frames` frame sets before it ends.  When time does not advance, or
+        it was last for `coast_frames` frame sets before it ends.  New touches wait to be seen again
+        if the frame set is not `whole`: if a camera is missing.  When time does not advance, or
         leaps, all touches end and the contacts become new ones.
         """
         elapsed_s = self._advance(captured_at_s)
@@ -87,6 +90,7 @@ class Tracker:
             captured_at_s,
             elapsed_s,
             self._last_id,
+            whole,
         )
         self._updated_at_s, self._advanced_to_s = captured_at_s, None
         return _touches(self._tracks, captured_at_s)

@@ -95,7 +95,7 @@ def cameras(crossed: Crossed) -> list[tuple[str, ...]]:
     return [c.cameras for c in sorted(crossed.contacts, key=lambda c: (c.x_mm, c.y_mm))]
 
 
-@settings(max_examples=100)
+@settings(max_examples=40)
 @given(scenes(), st.sampled_from([PENS_TOO, FINGERS_ONLY]))
 def test_they_agree_whatever_is_seen(
     scene: tuple[list[DirectingLines], np.random.Generator], limits: DiscLimits

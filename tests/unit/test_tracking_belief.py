@@ -359,3 +359,19 @@ def test_whatever_a_crossing_says_touches_come_from_contacts_and_stay_sound(
         assert np.all(np.isfinite(expected.discs))
         assert np.all((expected.costs >= 0.0) & (expected.costs <= 6.0))
         assert np.all(expected.position_variances_mm2 > 0.0)
+
+
+class TestMissingCameras:
+    def test_what_a_frame_set_without_a_camera_shows_must_be_seen_three_times(self) -> None:
+        tracker = Tracker(TrackingSettings(), (350.0, 400.0))
+        seen = crossed([at(100.0, 100.0)], [NEW])
+        reports = [
+            tracker.update(100.0 + number * PERIOD_S, seen, whole=False) for number in range(4)
+        ]
+        assert [ids(report) for report in reports] == [[], [], [1], [1]]
+
+    def test_a_touch_goes_on_without_a_camera(self) -> None:
+        tracker = Tracker(TrackingSettings(), (350.0, 400.0))
+        seen = crossed([at(100.0, 100.0)], [NEW])
+        assert ids(tracker.update(100.0, seen)) == [1]
+        assert ids(tracker.update(100.01, seen, whole=False)) == [1]
