@@ -5,6 +5,7 @@ every state of the sources, because numba itself does not see that a function in
 changed.
 """
 
+import contextlib
 import hashlib
 import logging
 import os
@@ -20,6 +21,9 @@ from numba.core import event
 from numba.core.types import unliteral
 
 from cornertouchd.places import cache_directory
+
+FOLDERS = ("fusion", "locating", "vision")
+"""Where compiled functions are."""
 
 KEPT_S = 30 * 24 * 3600.0
 """What another version has compiled is kept for so long."""
@@ -98,17 +102,18 @@ def _use_cache() -> None:
 def _drop_outdated(directory: Path) -> None:
     """Delete what other versions compiled long ago; a version that is still used compiles anew."""
     for other in directory.glob("compiled-*"):
-        if time.time() - other.stat().st_mtime > KEPT_S:
-            shutil.rmtree(other, ignore_errors=True)
+        with contextlib.suppress(OSError):  # another process may be quicker
+            if time.time() - other.stat().st_mtime > KEPT_S:
+                shutil.rmtree(other, ignore_errors=True)
 
 
 def _sources_key() -> str:
     """Name the state of the sources that are compiled."""
-    digest = hashlib.sha256(Path(__file__).read_bytes())
-    for path in sorted(Path(__file__).parent.glob("*/*.py")):
-        text = path.read_bytes()
-        if b"cornertouchd.compiling" in text:
-            digest.update(text)
+    here = Path(__file__)
+    digest = hashlib.sha256(here.read_bytes())
+    for folder in FOLDERS:  # all of them: constants are compiled in, wherever they come from
+        for path in sorted((here.parent / folder).glob("*.py")):
+            digest.update(path.read_bytes())
     return digest.hexdigest()[:12]
 
 

@@ -9,6 +9,7 @@ from cornertouchd.calibration.drift import Drift, DriftWatch
 from cornertouchd.config import Settings
 from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.crossing import make_crossing
+from cornertouchd.fusion.denial import without_denied
 from cornertouchd.fusion.dirt import Dirt, DirtWatch
 from cornertouchd.fusion.kinds import KindsOfContacts
 from cornertouchd.fusion.motion import CommonTime
@@ -23,7 +24,7 @@ from cornertouchd.model import (
     Shadows,
     Touch,
 )
-from cornertouchd.vision.background import Background, MaskedColumns
+from cornertouchd.vision.background import Background, MaskedColumns, NotDarkError
 from cornertouchd.vision.finder import ProfileFinder, make_finder
 from cornertouchd.vision.profile import NoiseError, shows_strip
 from cornertouchd.vision.strip import StripNotFoundError, find_strip
@@ -102,8 +103,12 @@ class CameraPipeline:
         """Learn the light of the surroundings where no LED was lit.  Raises `PictureError`."""
         self._require_size(frame)
         self._dark_pictures += 1
-        if self._background is not None:
+        if self._background is None:
+            return
+        try:
             self._background.learn_dark(frame.pixels, frame.captured_at_s)
+        except NotDarkError as error:
+            raise PictureError(str(error)) from None
 
     def reset(self) -> None:
         """Forget what was learned from pictures."""
@@ -180,7 +185,12 @@ class SurfacePipeline:
             for seen in frame_set.observations
             if len(seen.shadows)
         ]
-        crossed = self._crossing.cross(directing_lines, predictions)
+        silent = [self._lines[one.camera] for one in frame_set.observations if not len(one.shadows)]
+        crossed = without_denied(
+            self._crossing.cross(directing_lines, predictions),
+            silent,
+            len(frame_set.observations),
+        )
         return self._kinds.tell(crossed, directing_lines) if self._kinds else crossed
 
     @property

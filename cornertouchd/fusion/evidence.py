@@ -55,7 +55,7 @@ PALMS_THAT_LATCH = 2
 # A hand that lifts looks like a finger for less than a fifth of a second.  What is one for longer
 # was no palm, or the hand has left a finger where it lay.
 FINGER_AGAIN_AFTER_S = 0.5
-EDGES_OF_A_CLEAR_FINGER = 4.0
+EDGES_OF_A_CLEAR_FINGER = 2.0
 
 
 @inlined

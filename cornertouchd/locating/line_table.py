@@ -47,6 +47,13 @@ class LineTable:
             sigma_rad=slopes * edge_sigma_px,
         )
 
+    def sees(self, x_mm: float, y_mm: float) -> bool:
+        """Tell whether a place is in view: between the lines of the first and the last column."""
+        ends = self.angles_rad[np.isfinite(self.angles_rad)][[0, -1]]
+        first, last = float(ends.min()), float(ends.max())
+        angle = math.atan2(y_mm - self.y_mm, x_mm - self.x_mm)
+        return (angle - first) % (2.0 * math.pi) <= last - first
+
 
 def tabulate(camera: str, model: CameraModel, width_px: int) -> LineTable:
     """Return the table of a calibrated camera."""

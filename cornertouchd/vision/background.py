@@ -30,6 +30,26 @@ FEWEST_MASKED = 3
 """Fewer columns are the blurred end of the view or the camera in the far corner (rendered)."""
 
 
+FEWEST_FRESH = 20
+"""With fewer columns in the light nothing is known of the others: the LEDs are off, or a hand is
+over the lens."""
+
+NOISE_GREY = 5.0
+"""The brightest pixel of a column is this steady."""
+
+LIGHT_FROM_OUTSIDE = 1.3
+"""A strip this much brighter than when it was calibrated is lit by more than its LEDs."""
+
+
+LARGEST_SHARE_IN_THE_DARK = 0.75
+"""Of the lit strip's light over the former darkness; more is the strip itself, in spite of what the
+picture is labelled."""
+
+
+class NotDarkError(Exception):
+    """A picture that is said to be dark is as bright as those with the LEDs on."""
+
+
 @dataclass(frozen=True, slots=True)
 class MaskedColumns:
     """Columns first_px to last_px tell nothing, and why."""
@@ -121,10 +141,18 @@ class Background:
         self._refer_to(self._reference.black, light, peak)
 
     def learn_dark(self, picture: Picture, captured_at_s: float) -> None:
-        """Take the light of the surroundings from a picture (rows, width_px) without any LED."""
+        """Take the light of the surroundings from a picture (rows, width_px) without any LED.
+
+        Raises `NotDarkError` if the strip is lit.
+        """
         seen = self._sampler.measure(picture, self._reference).light
-        before_s, self._dark_at_s = self._dark_at_s, captured_at_s
         reference = self._reference
+        share_lit = (seen - reference.black) / np.maximum(self._gain * reference.light, 1.0)
+        if float(np.median(share_lit[reference.on_strip])) > LARGEST_SHARE_IN_THE_DARK:
+            raise NotDarkError(
+                "the strip is lit in a picture that is said to be taken without LEDs"
+            )
+        before_s, self._dark_at_s = self._dark_at_s, captured_at_s
         if before_s is None or captured_at_s < before_s:
             self._darken(seen)
             return
@@ -205,6 +233,37 @@ def _covered_columns(
     return covered
 
 
+@inlined
+def _take_over_where_light_went(
+    now: FloatArray,
+    seen_peak: FloatArray,
+    light: FloatArray,
+    calibrated_scale: FloatArray,
+    edges_px: FloatArray,
+    depth: FloatArray,
+    below: float,
+    new_light: FloatArray,
+    new_peak: FloatArray,
+    relative: FloatArray,
+) -> None:
+    """Take the strip as it is where all that made a shadow is that the sun or a lamp has gone.
+
+    There each column was learned much brighter than it was calibrated, and is as bright as then.
+    """
+    width = len(now)
+    for number in range(len(depth)):
+        first = min(max(int(edges_px[number, 0]), 0), width - 1)
+        last = min(max(int(edges_px[number, 1]), first), width - 1)
+        went = depth[number] > 0.0
+        for column in range(first, last + 1):
+            went &= light[column] * calibrated_scale[column] > LIGHT_FROM_OUTSIDE
+            went &= now[column] * calibrated_scale[column] >= below
+        if went:
+            for column in range(first, last + 1):
+                new_light[column], new_peak[column] = now[column], seen_peak[column]
+                relative[column] = now[column] * calibrated_scale[column]
+
+
 @compiled(
     "Tuple((f8[::1], f8[::1], f8))(f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], "
     "b1[::1], f8[:,::1], f8[::1], f8, f8, f8, i8)"
@@ -235,18 +294,37 @@ def _follow(
     covered = _covered_columns(brightness, edges_px, depth, below, margin_px)
     new_light, new_peak = np.empty(width), np.empty(width)
     change, relative, fresh = np.empty(width), np.empty(width), np.empty(width, np.bool_)
+    now, in_the_light = np.empty(width), 0
     for column in range(width):
-        now = (seen_light[column] - black[column]) / gain
-        new_light[column] = light[column] + share * (now - light[column])
-        new_peak[column] = peak[column] + share * (seen_peak[column] - peak[column])
+        now[column] = (seen_light[column] - black[column]) / gain
+        new_light[column] = light[column] + share * (now[column] - light[column])
+        new_peak[column] = min(  # what is no longer at full scale is known again at once
+            peak[column] + share * (seen_peak[column] - peak[column]),
+            seen_peak[column] + NOISE_GREY,
+        )
         change[column] = new_light[column] / max(light[column], 1.0)
         fresh[column] = known[column] and not covered[column]
+        in_the_light += int(fresh[column])
+    if in_the_light < FEWEST_FRESH:
+        return light.copy(), peak.copy(), 1.0
     fill_in(change, fresh)
     for column in range(width):
         if covered[column]:
             new_light[column] = light[column] * change[column]
             new_peak[column] = peak[column]
         relative[column] = new_light[column] * calibrated_scale[column]
+    _take_over_where_light_went(
+        now,
+        seen_peak,
+        light,
+        calibrated_scale,
+        edges_px,
+        depth,
+        below,
+        new_light,
+        new_peak,
+        relative,
+    )
     anchor = most_frequent_brightness(relative, fresh, 1.0)
     for column in range(width):
         new_light[column] /= anchor

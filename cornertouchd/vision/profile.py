@@ -43,7 +43,8 @@ class Measured:
         if self.rough_share > LARGEST_ROUGH_SHARE:
             raise NoiseError(
                 f"noise instead of the strip: {self.rough_share:.0%} of the columns differ much "
-                f"from the next, {LARGEST_ROUGH_SHARE:.0%} are believed"
+                f"from the next, {LARGEST_ROUGH_SHARE:.0%} are believed; if that stays so, "
+                "calibrate anew"
             )
 
 

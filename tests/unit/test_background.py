@@ -353,3 +353,31 @@ def test_noise_is_no_strip_and_teaches_nothing() -> None:
             with pytest.raises(PictureError, match="noise instead of the strip"):
                 look(garbage)
     assert edges(see(camera, TOUCHED, 5.0)) == pytest.approx(REFERENCE, abs=0.1)
+
+
+@pytest.mark.parametrize("off_s", [0.2, 1.0, 60.0])
+def test_darkness_teaches_nothing(off_s: float) -> None:
+    """The LEDs are off, or a hand is over the lens."""
+    camera = calibrated()
+    list(watch(camera, lambda _: TOUCHED, 0.0, 5.0, 0.1))
+    list(watch(camera, lambda _: 0.05 * EMPTY, 5.0, 5.0 + off_s, 0.1))
+    for shadows in watch(camera, lambda _: TOUCHED, 6.0 + off_s, 66.0 + off_s):
+        assert edges(shadows) == pytest.approx(REFERENCE, abs=0.1)
+
+
+def test_a_lamp_that_shone_for_minutes_leaves_no_shadow_when_it_goes() -> None:
+    camera = calibrated()
+    lit = EMPTY * (1.0 + 1.2 * SIDE)
+    list(watch(camera, lambda _: lit, 0.0, 300.0))
+    list(watch(camera, lambda _: EMPTY, 300.0, 303.0, 0.1))
+    assert edges(see(camera, TOUCHED, 303.0)) == pytest.approx(REFERENCE, abs=0.8)
+    list(watch(camera, lambda _: EMPTY, 304.0, 400.0))
+    assert edges(see(camera, TOUCHED, 400.0)) == pytest.approx(REFERENCE, abs=0.15)
+
+
+def test_a_lit_picture_that_is_said_to_be_dark_is_refused_and_teaches_nothing() -> None:
+    camera = calibrated()
+    with pytest.raises(PictureError, match="the strip is lit"):
+        camera.learn_dark(frame(EMPTY, 0.0, 0))
+    for shadows in watch(camera, lambda _: TOUCHED, 0.1, 30.0):
+        assert edges(shadows) == pytest.approx(REFERENCE, abs=0.1)
