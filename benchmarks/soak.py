@@ -93,14 +93,15 @@ class Stamps:
 
 def serve(settings: Settings, out: Connection, stop: Event) -> None:
     """Do what the demo does until `stop`; tell first when the script began, at last the counts."""
-    clock = MonotonicClock()
+    clock, parent = MonotonicClock(), os.getppid()
     calibration = find_calibration(settings, os.environ)
     ports = make_ports(settings, clock)
     sinks = [make_tuio_sink(settings, calibration.surface_mm, "soak"), Stamps(out)]
     daemon = Daemon(ports, calibration, sinks, settings, clock)
     out.send(ports[0].captured_at_s(0))
     daemon.start()
-    stop.wait()
+    while not stop.wait(1.0) and os.getppid() == parent:  # it may be killed
+        pass
     daemon.stop()
     counts = daemon.fusion_counts()
     out.send(f"{counts.partial} partial, {counts.skipped} skipped, {counts.faults} faults")

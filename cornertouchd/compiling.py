@@ -75,7 +75,7 @@ class _Announcement(event.Listener):
     def on_start(self, _event: event.Event) -> None:
         """Say it when the first function is compiled, not when it comes from the cache."""
         if not self._made:
-            _log.info("compiling for this machine, only this once; it takes some seconds")
+            _log.info("compiling for this machine, only this once; it takes up to a minute")
         self._made = True
 
     def on_end(self, _event: event.Event) -> None:

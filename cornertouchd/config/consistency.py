@@ -50,9 +50,11 @@ def find_contradictions(
         *_devices_used_once(cameras),
         *_bands_in_pictures(cameras),
         *_in_order(("cameras",), cameras, "reopen_delay_s", "reopen_delay_max_s"),
+        *_in_order(("vision",), vision, "edge_level", "shadow_below"),
         *_in_order(("vision", "paper"), vision.paper, "t2_px", "t3_px"),
         *_in_order(("pairing",), pairing, "tolerance_ms", "deadline_ms"),
         *_in_order(("crossing",), crossing, "smallest_radius_mm", "largest_radius_mm"),
+        *_in_order(("crossing",), crossing, "pen_diameter_mm", "palm_diameter_mm"),
         *_destinations_told_once(tuio),
         *_displays_on_surface(surface, tuio),
     )

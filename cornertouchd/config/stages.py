@@ -79,8 +79,8 @@ class VisionSettings(Table):
         12.0,
         ge=1.0,
         le=255.0,
-        description="Grey levels. Columns where the empty strip is darker than this tell nothing "
-        "and are left out, as at a dead LED.",
+        description="Grey levels. Columns where the empty strip is darker than this, or than a "
+        "quarter of the rest of the strip, tell nothing and are left out, as at a dead LED.",
     )
     saturated_grey: float = Field(
         250.0,
@@ -210,8 +210,8 @@ class CrossingSettings(Table):
         35.0,
         ge=0.5,
         le=1000.0,
-        description="Largest radius of a contact. Raise it if palms or large objects are to be "
-        "reported.",
+        description="Largest radius of a disc in the crossing. Palms are put together from several; "
+        "tracking.report_palms reports them.",
     )
     edge_sigma_px: float = Field(
         0.1,
@@ -228,10 +228,10 @@ class CrossingSettings(Table):
     )
     palm_diameter_mm: float = Field(
         22.0,
-        ge=1.0,
+        ge=17.0,
         le=1000.0,
-        description="A contact wider than this in every direction is a palm, not a finger. A thumb "
-        "laid flat is 20 mm wide.",
+        description="What is wider than this in every direction, and not clearly a finger, is a "
+        "palm. A thumb laid flat is 20 mm wide.",
     )
     palm_reach_mm: float = Field(
         8.0,

@@ -227,6 +227,8 @@ class TestContradictions:
             ("[cameras]\nreopen_delay_s = 31.0", "[cameras] reopen_delay_s = 31.0 is more than"),
             ("[vision.paper]\nt2_px = 5.0\nt3_px = 4.0", "[vision.paper] t2_px = 5.0 is more than"),
             ("[pairing]\ndeadline_ms = 3.9", "[pairing] tolerance_ms = 4.0 is more than"),
+            ("[crossing]\npen_diameter_mm = 30.0", "[crossing] pen_diameter_mm = 30.0 is more"),
+            ("[vision]\nshadow_below = 0.4", "[vision] edge_level = 0.52 is more"),
             ("[crossing]\nlargest_radius_mm = 1.2", "[crossing] smallest_radius_mm = 1.5 is more"),
         ],
     )
