@@ -210,8 +210,8 @@ class CrossingSettings(Table):
         35.0,
         ge=0.5,
         le=1000.0,
-        description="Largest radius of a disc in the crossing. Palms are put together from several; "
-        "tracking.report_palms reports them.",
+        description="Largest radius of a disc in the crossing. Palms are put together from "
+        "several; tracking.report_palms reports them.",
     )
     edge_sigma_px: float = Field(
         0.1,
