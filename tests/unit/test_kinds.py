@@ -140,7 +140,7 @@ class TestFingersAreNoPalms:
 
     def test_the_method_of_the_paper_knows_but_fingers(self) -> None:
         pipeline = surface_pipeline(
-            Settings(crossing=CrossingSettings(method="paper", palm_diameter_mm=5.0))
+            Settings(crossing=CrossingSettings(method="paper", palm_diameter_mm=17.0))
         )
         assert set(kinds(pipeline.cross(frame_set([FINGER])))) == {"finger"}
 
