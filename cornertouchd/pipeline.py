@@ -8,13 +8,13 @@ from cornertouchd.calibration.calibration import Calibration, CalibrationError, 
 from cornertouchd.calibration.drift import Drift, DriftWatch
 from cornertouchd.config import Settings
 from cornertouchd.fusion.crossed import Crossed, Predictions
-from cornertouchd.fusion.crossing import make_crossing
+from cornertouchd.fusion.crossing import Crossing, make_crossing
 from cornertouchd.fusion.denial import without_denied
 from cornertouchd.fusion.dirt import Dirt, DirtWatch
 from cornertouchd.fusion.kinds import KindsOfContacts
 from cornertouchd.fusion.motion import CommonTime
 from cornertouchd.fusion.tracking import Tracker
-from cornertouchd.locating.line_table import tabulate
+from cornertouchd.locating.line_table import LineTable, tabulate
 from cornertouchd.model import (
     Contact,
     FloatArray,
@@ -139,20 +139,30 @@ class CameraPipeline:
         return Observation(frame.camera, number, frame.captured_at_s, shadows)
 
 
+def line_tables(calibration: Calibration) -> dict[str, LineTable]:
+    """Return the directing lines of every camera, by its name."""
+    return {
+        camera.id: tabulate(camera.id, camera.model, camera.format.width_px)
+        for camera in calibration.cameras
+    }
+
+
+def calibrated_crossing(calibration: Calibration, settings: Settings) -> Crossing:
+    """Return the crossing that the settings choose for a rig that was calibrated so."""
+    return make_crossing(
+        settings.crossing,
+        calibration.surface_mm,
+        reconstructed=calibration.method == "reconstruction",
+    )
+
+
 class SurfacePipeline:
     """All cameras: frame sets in, contacts and touches out.  Owned by the fusion thread."""
 
     def __init__(self, calibration: Calibration, settings: Settings) -> None:
-        self._lines = {
-            camera.id: tabulate(camera.id, camera.model, camera.format.width_px)
-            for camera in calibration.cameras
-        }
+        self._lines = line_tables(calibration)
         self._edge_sigma_px = settings.crossing.edge_sigma_px
-        self._crossing = make_crossing(
-            settings.crossing,
-            calibration.surface_mm,
-            reconstructed=calibration.method == "reconstruction",
-        )
+        self._crossing = calibrated_crossing(calibration, settings)
         self._kinds = (
             KindsOfContacts(settings.crossing, calibration.surface_mm)
             if settings.crossing.method == "default"

@@ -17,12 +17,15 @@ from numpy.typing import NDArray
 
 from cornertouchd.calibration.calibration import Calibration
 from cornertouchd.config import Settings
-from cornertouchd.fusion.crossing import make_crossing
 from cornertouchd.fusion.pairing import FrameSetPairing
 from cornertouchd.fusion.tracking import Tracker
-from cornertouchd.locating.line_table import tabulate
 from cornertouchd.model import Frame, Touch, TouchFrame
-from cornertouchd.pipeline import CameraPipeline, SurfacePipeline
+from cornertouchd.pipeline import (
+    CameraPipeline,
+    SurfacePipeline,
+    calibrated_crossing,
+    line_tables,
+)
 from cornertouchd.wire.mapping import DisplayMapping
 from cornertouchd.wire.tuio import TuioSession
 
@@ -109,16 +112,9 @@ class StagedPath:
             camera.id: CameraPipeline(camera, settings) for camera in calibration.cameras
         }
         self._pairing = FrameSetPairing(list(self._cameras), settings.pairing)
-        self._lines = {
-            camera.id: tabulate(camera.id, camera.model, camera.format.width_px)
-            for camera in calibration.cameras
-        }
+        self._lines = line_tables(calibration)
         self._edge_sigma_px = settings.crossing.edge_sigma_px
-        self._crossing = make_crossing(
-            settings.crossing,
-            calibration.surface_mm,
-            reconstructed=calibration.method == "reconstruction",
-        )
+        self._crossing = calibrated_crossing(calibration, settings)
         self._tracker = Tracker(settings.tracking, calibration.surface_mm)
         self._session = _session(calibration)
 
