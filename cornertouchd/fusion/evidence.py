@@ -3,6 +3,7 @@
 from math import isnan
 
 from cornertouchd.compiling import inlined
+from cornertouchd.fusion.costs import COST_OF_A_NEW_DISC
 from cornertouchd.fusion.track_rows import (
     AT_RADIUS,
     AT_X,
@@ -28,9 +29,6 @@ from cornertouchd.fusion.track_rows import (
 )
 from cornertouchd.model import FloatArray
 
-# What it costs to believe in a contact that was not there before: what supports a touch by more
-# makes it surer, by less makes it less sure.
-COST_OF_A_NEW_TOUCH = 7.0
 # Found by Monte-Carlo with 15 fingers on 350x400: belief comes quickly and goes slowly, because a
 # finger that others hide for a moment is still there.  A touch never becomes cheaper than free:
 # ghosts would stick.  The least belief is nearly as dear as a new touch: it favours nothing.
@@ -60,9 +58,12 @@ EDGES_OF_A_CLEAR_FINGER = 2.0
 
 @inlined
 def _surplus(contact: FloatArray) -> float:
-    """Return by how much the contact would be worth its cost if it were new."""
+    """Return by how much the contact would be worth its cost if it were new.
+
+    What supports a touch by more than that makes it surer, by less makes it less sure.
+    """
     support = contact[SUPPORT]
-    return -COST_OF_A_NEW_TOUCH if isnan(support) else support - COST_OF_A_NEW_TOUCH
+    return -COST_OF_A_NEW_DISC if isnan(support) else support - COST_OF_A_NEW_DISC
 
 
 @inlined
