@@ -20,6 +20,7 @@ import numba
 from numba.core import event
 from numba.core.types import unliteral
 
+from cornertouchd.inlining import PartCompiler
 from cornertouchd.places import cache_directory
 
 FOLDERS = ("fusion", "locating", "vision")
@@ -31,7 +32,7 @@ KEPT_S = 30 * 24 * 3600.0
 F = TypeVar("F", bound=Callable[..., object])
 
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-INLINED_OPTIONS = {**OPTIONS, "no_cpython_wrapper": True}
+INLINED_OPTIONS = {**OPTIONS, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
 
 _log = logging.getLogger("cornertouchd")
 
@@ -51,9 +52,8 @@ def compiled(signature: str) -> Callable[[F], F]:
 def inlined(function: F) -> F:
     """Make a function callable from compiled ones, and from them alone.
 
-    It is compiled as a part of them; the wrapper that others would need costs a third of the time.
-    numba would also compile it anew for every constant that it is called with, which gains nothing
-    here and costs another third.
+    It is compiled as a part of them.  numba would also compile it anew for every constant that it
+    is called with, which gains nothing here and costs a third of the time.
     """
     made = numba.njit(**INLINED_OPTIONS)(function)
     for_arguments = made.get_call_template
