@@ -1,8 +1,8 @@
 """Cells: the places where one shadow of every camera overlaps, the only places to touch.
 
 A cell is one shadow per camera.  Cutting polygons out of each other would find them too; asking
-where a smallest disc fits that touches two edges finds the same ones in one pass over all pairs of
-edges, because a cell that holds such a disc lets it slide until it touches two edges.
+where a smallest disc comes to rest finds the same ones in one pass over all pairs of edges, because
+a cell that holds such a disc lets it fall until it lies on two edges, or on a side of the surface.
 """
 
 from typing import NamedTuple
@@ -15,15 +15,19 @@ from cornertouchd.fusion.edge_rows import (
     GATE_SIGMAS,
     NO_SHADOW,
     EdgeRows,
+    row_of_three,
     shadow_at,
     slack_of,
     variance_of,
 )
-from cornertouchd.fusion.limits import SURFACE_MARGIN_MM
+from cornertouchd.fusion.limits import ROUNDING_MM, SURFACE_MARGIN_MM
 from cornertouchd.model import BoolArray, FloatArray
 
 # Edges closer to parallel than this (1.1 degrees) cross too far from where they touch.
 SMALLEST_SINE = 0.02
+# Where discs fall: any direction that no side of a frame has.
+DOWN = (0.94, 0.34)
+SIDES = 4
 # Ten contacts make about 16 cells, twenty about 65.  The rest of the work grows with the number of
 # ways to choose three edges of a cell, so the cap is on the product.
 MOST_CELLS_TIMES_TRIPLES = 512 * 56
@@ -55,11 +59,12 @@ class Wanted(NamedTuple):
 @inlined
 def is_on_surface(bounds: DiscBounds, x_mm: float, y_mm: float) -> bool:
     """Tell whether a place lies on the surface, or just beside it."""
+    margin = SURFACE_MARGIN_MM + ROUNDING_MM
     return (
-        (x_mm >= -SURFACE_MARGIN_MM)
-        & (y_mm >= -SURFACE_MARGIN_MM)
-        & (x_mm <= bounds.width_mm + SURFACE_MARGIN_MM)
-        & (y_mm <= bounds.height_mm + SURFACE_MARGIN_MM)
+        (x_mm >= -margin)
+        & (y_mm >= -margin)
+        & (x_mm <= bounds.width_mm + margin)
+        & (y_mm <= bounds.height_mm + margin)
     )
 
 
@@ -92,7 +97,7 @@ def find_cells(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> IntArray:
     """Return all cells that hold a disc of the smallest radius, as shadow numbers (T, C), in order.
 
     There are none with fewer than two cameras.  When a frame set has more than the cap allows,
-    those touched by the most pairs of edges are kept.
+    those in which most discs rest are kept.
     """
     cameras, radius_mm = len(rows.eyes), bounds.smallest_radius_mm
     met = _CellsMet(
@@ -104,23 +109,25 @@ def find_cells(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> IntArray:
     eyes, shadows, first_shadow = rows.eyes, rows.shadows, rows.first_shadow
     lines, valid, believed = rows.lines, rows.valid, wanted.believed
     shape_variance_mm2 = bounds.shape_variance_mm2
+    floors = _floors(rows, bounds)
     count = 0
     cell = np.full(cameras, NO_SHADOW, np.intp)
     order = np.empty(cameras, np.intp)
-    for a in range(cameras):
-        for b in range(a + 1, cameras):
-            if not (believed[a] and believed[b]):
-                continue
+    for a in range(cameras + 1):  # the last stands for the sides of the surface
+        for b in range(min(a + 1, cameras), cameras + 1):
             asked = _others_first(believed, a, b, order)
-            for i in range(2 * first_shadow[a], 2 * first_shadow[a + 1]):
-                if not valid[i]:
-                    continue
-                ax, ay, ah = lines[i, 0], lines[i, 1], lines[i, 2] + radius_mm
-                for j in range(2 * first_shadow[b], 2 * first_shadow[b + 1]):
-                    bx, by, bh = lines[j, 0], lines[j, 1], lines[j, 2] + radius_mm
+            if asked == 0:
+                continue
+            for i in range(2 * first_shadow[a], _end(first_shadow, a)):
+                ax, ay, ah, slope = floors[i, 0], floors[i, 1], floors[i, 2], floors[i, 3]
+                for j in range(2 * first_shadow[b], _end(first_shadow, b)):
+                    bx, by, bh = row_of_three(floors, j)
                     sine = ax * by - ay * bx
+                    rests = (slope * sine <= 0.0) & (floors[j, 3] * sine >= 0.0)
+                    if not rests or abs(sine) <= SMALLEST_SINE:
+                        continue
                     x, y = (ah * by - bh * ay) / sine, (ax * bh - bx * ah) / sine
-                    inside = valid[j] & (abs(sine) > SMALLEST_SINE) & is_on_surface(bounds, x, y)
+                    inside = is_on_surface(bounds, x, y)
                     if not inside:
                         continue
                     for place in range(asked):
@@ -139,15 +146,57 @@ def find_cells(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> IntArray:
 
 
 @inlined
+def _floors(rows: EdgeRows, bounds: DiscBounds) -> FloatArray:
+    """Return the lines, (2 S + 4, 4), on which the centres of smallest discs come to rest.
+
+    Normal and offset as in `EdgeRows`, and how steeply the line runs `DOWN`.  The last four are the
+    sides of the surface.  At an edge that is not valid, discs lie all but beyond it: see
+    `is_in_shadow`.
+    """
+    edges, radius_mm = len(rows.valid), bounds.smallest_radius_mm
+    floors = np.empty((edges + SIDES, 4))
+    for edge in range(edges):
+        nx, ny, offset = row_of_three(rows.lines, edge)
+        offset += radius_mm if rows.valid[edge] else -radius_mm
+        _write_floor(floors, edge, nx, ny, offset)
+    _write_floor(floors, edges, 1.0, 0.0, -SURFACE_MARGIN_MM)
+    _write_floor(floors, edges + 1, 0.0, 1.0, -SURFACE_MARGIN_MM)
+    _write_floor(floors, edges + 2, -1.0, 0.0, -SURFACE_MARGIN_MM - bounds.width_mm)
+    _write_floor(floors, edges + 3, 0.0, -1.0, -SURFACE_MARGIN_MM - bounds.height_mm)
+    return floors
+
+
+@inlined
+def _write_floor(floors: FloatArray, row: int, nx: float, ny: float, offset: float) -> None:
+    floors[row, 0], floors[row, 1], floors[row, 2] = nx, ny, offset
+    floors[row, 3] = DOWN[0] * ny - DOWN[1] * nx
+
+
+@inlined
+def _end(first_shadow: IntArray, camera: int) -> int:
+    """Return the number of floors up to those of a camera, or of the sides."""
+    last = len(first_shadow) - 1
+    return int(2 * first_shadow[camera + 1] if camera < last else 2 * first_shadow[last] + SIDES)
+
+
+@inlined
 def _others_first(believed: BoolArray, a: int, b: int, order: IntArray) -> int:
-    """Write in which order to ask the cameras: a and b refuse least.  Return how many they are."""
-    count = 0
-    for camera in range(len(believed)):
+    """Write in which order to ask the cameras: a and b refuse least.  Return how many they are.
+
+    None, if one of both is not believed.  What stands behind the last camera is always.
+    """
+    count, cameras = 0, len(believed)
+    for camera in range(cameras):
         if believed[camera] and camera not in (a, b):
             order[count] = camera
             count += 1
-    order[count], order[count + 1] = a, b
-    return count + 2
+    for camera in (a, b):
+        if camera < cameras:
+            if not believed[camera]:
+                return 0
+            order[count] = camera
+            count += 1
+    return count
 
 
 @inlined

@@ -9,6 +9,8 @@ from cornertouchd.model import BoolArray, FloatArray
 
 # A finger at the very frame: shape and calibration may put its centre beside the surface.
 SURFACE_MARGIN_MM = 2.0
+# A disc that lies on that line is still on the surface.
+ROUNDING_MM = 1e-6
 # Nothing that touches is rounder; and a disc at a camera's pinhole has no other sigma.
 ROUNDEST_SIGMA_MM = 0.02
 
@@ -24,10 +26,9 @@ class DiscLimits:
 
     def on_surface(self, points_mm: FloatArray) -> BoolArray:
         """Tell which points (..., 2) lie on the surface, or just beside it."""
-        far_corner = np.asarray(self.surface_mm) + SURFACE_MARGIN_MM
-        inside: BoolArray = np.all(
-            (points_mm >= -SURFACE_MARGIN_MM) & (points_mm <= far_corner), axis=-1
-        )
+        margin = SURFACE_MARGIN_MM + ROUNDING_MM
+        far_corner = np.asarray(self.surface_mm) + margin
+        inside: BoolArray = np.all((points_mm >= -margin) & (points_mm <= far_corner), axis=-1)
         return inside
 
 

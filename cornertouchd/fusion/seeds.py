@@ -1,8 +1,8 @@
 """Seeds of candidates: discs that touch two or three edges of a cell at once.
 
 Three tangents fix a disc, and so do two when its size is guessed.  All of them are tried in every
-cell, because any edge of the cell may belong to another contact; each set of edges that a disc
-touches at once is kept once.
+cell, because any edge of the cell may belong to another contact, but for three that one disc is
+known to touch; each set of edges that a disc touches at once is kept once.
 """
 
 from typing import NamedTuple
@@ -99,7 +99,10 @@ def _seed_by_threes(
                 y = (ax * bh - bx * ah) / determinant
                 radius = edges[i, 0] * x + edges[i, 1] * y - edges[i, 2]
                 regular = valid[k] & (abs(determinant) > SMALLEST_DETERMINANT)
-                if regular & is_possible(bounds, x, y, radius):
+                three = (1 << i) | (1 << j) | (1 << k)
+                if (regular & is_possible(bounds, x, y, radius)) and not _are_touched_by_one(
+                    touched, first_count, count, three
+                ):
                     count = _add_seed(
                         edges,
                         valid,
@@ -115,6 +118,14 @@ def _seed_by_threes(
                     )
     seeds.cells[first_count:count] = cell
     return count
+
+
+@inlined
+def _are_touched_by_one(touched: IntArray, first: int, end: int, edges: int) -> bool:
+    known = False
+    for number in range(first, end):
+        known |= touched[number] & edges == edges
+    return known
 
 
 @inlined
@@ -171,16 +182,15 @@ def _add_seed(
     met_in: IntArray,
 ) -> int:
     """Keep a disc if it lies in its cell and is the first that touches just these edges."""
-    bits, inside = 0, True
+    bits = 0
     for row in range(len(edges)):
         slack = edges[row, 0] * x_mm + edges[row, 1] * y_mm - edges[row, 2] - radius_mm
         dx, dy = x_mm - edges[row, 4], y_mm - edges[row, 5]
         gate = GATE_SIGMAS**2 * (edges[row, 3] * (dx * dx + dy * dy) + shape_variance_mm2)
         bits |= int(valid[row] & (slack * slack < gate)) << row
         room = slack + (0.0 if valid[row] else 2.0 * radius_mm)
-        inside &= (room >= 0.0) | (room * room <= gate)
-    if not inside:
-        return count
+        if (room < 0.0) & (room * room > gate):
+            return count
     if met_in[bits] == cell:
         return count
     met_in[bits] = cell

@@ -1,8 +1,9 @@
 """Candidates: the discs that could stand in the cells and cast some of their edges.
 
 Three tangents fix a disc, and so do two when its size is guessed.  All of them are tried in every
-cell, because any edge of the cell may belong to another contact; each set of edges that a disc
-touches at once is kept once, and the disc is fitted to all of them.
+cell, because any edge of the cell may belong to another contact, but for three that one disc is
+known to touch; each set of edges that a disc touches at once is kept once, and the disc is fitted
+to all of them.
 """
 
 from collections.abc import Sequence
@@ -91,8 +92,8 @@ def joined(parts: Sequence[Candidates]) -> Candidates:
 def find_candidates(rows: EdgeRows, cells: IntArray, limits: DiscLimits) -> Candidates:
     """Return the discs that lie in the cells (T, C) and touch at least two of their edges."""
     cell_rows = rows_of_cells(rows, cells)
-    discs, cell = _discs_from_tangents(cell_rows, limits)
-    discs, cell, tangent = _one_per_set_of_edges(discs, cell, cell_rows, limits)
+    discs, cell, fixed_by = _discs_from_tangents(cell_rows, limits)
+    discs, cell, tangent = _one_per_set_of_edges(discs, cell, fixed_by, cell_rows, limits)
     candidates = _fitted(discs, cell_rows.take(cell), tangent, limits)
     plausible = _plausible(candidates, limits)
     return _without_dominated(candidates.take(plausible), cell[plausible])
@@ -121,21 +122,27 @@ def _pairs_across_cameras(edge_count: int) -> IntArray:
     return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
 
-def _discs_from_tangents(cells: CellRows, limits: DiscLimits) -> tuple[FloatArray, IntArray]:
-    """Return the discs (V, 3) that three tangents, or two and a guessed size, fix; their cells."""
-    by_three, cells_of_three = _discs_touching_three(cells)
+def _discs_from_tangents(
+    cells: CellRows, limits: DiscLimits
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return the discs (V, 3) that three tangents, or two and a guessed size, fix; their cells.
+
+    And the three tangents, bits of a number, or 0.
+    """
+    by_three, cells_of_three, three = _discs_touching_three(cells)
     by_two, cells_of_two = _discs_touching_two(cells, float(np.mean(FINGER_RADII_MM)))
     discs = np.concatenate([by_three, by_two])
     cell = np.concatenate([cells_of_three, cells_of_two])
+    fixed_by = np.concatenate([three, np.zeros(len(by_two), np.intp)])
     possible = (
         (discs[:, 2] > limits.smallest_radius_mm)
         & (discs[:, 2] < limits.largest_radius_mm)
         & limits.on_surface(discs[:, :2])
     )
-    return discs[possible], cell[possible]
+    return discs[possible], cell[possible], fixed_by[possible]
 
 
-def _discs_touching_three(cells: CellRows) -> tuple[FloatArray, IntArray]:
+def _discs_touching_three(cells: CellRows) -> tuple[FloatArray, IntArray, IntArray]:
     """Take the first tangent's row from the other two, solve those for x and y, then it for r."""
     triples = _triples(cells.valid.shape[1])
     cell, triple = np.nonzero(np.all(cells.valid[:, triples], axis=2))
@@ -144,7 +151,8 @@ def _discs_touching_three(cells: CellRows) -> tuple[FloatArray, IntArray]:
     centres, determinants = line_crossings(n[1] - n[0], h[1] - h[0], n[2] - n[0], h[2] - h[0])
     radii = np.einsum("vi,vi->v", n[0], centres) - h[0]
     regular = np.abs(determinants) > SMALLEST_DETERMINANT
-    return np.column_stack([centres, radii])[regular], cell[regular]
+    bits = np.sum(1 << edge, axis=0)
+    return np.column_stack([centres, radii])[regular], cell[regular], bits[regular]
 
 
 def _discs_touching_two(cells: CellRows, radius_mm: float) -> tuple[FloatArray, IntArray]:
@@ -158,16 +166,27 @@ def _discs_touching_two(cells: CellRows, radius_mm: float) -> tuple[FloatArray, 
 
 
 def _one_per_set_of_edges(
-    discs: FloatArray, cell: IntArray, cells: CellRows, limits: DiscLimits
+    discs: FloatArray, cell: IntArray, fixed_by: IntArray, cells: CellRows, limits: DiscLimits
 ) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Keep the discs inside their cells, the first of those that touch the same edges."""
+    """Keep the discs inside their cells, the first of those that touch the same edges.
+
+    Discs that are fixed by edges which an earlier one touches are left out.
+    """
     rows = cells.take(cell)
     slack, sigma = rows.slacks(discs, limits.shape_sigma_mm)
     inside = rows.contain(discs, slack, sigma)
     tangent = (np.abs(slack) < GATE_SIGMAS * sigma) & rows.valid
-    keys = cell * (1 << tangent.shape[1]) + _as_bits(tangent)
-    _, first = np.unique(keys[inside], return_index=True)
-    kept = np.flatnonzero(inside)[first]
+    touched = _as_bits(tangent)
+    sets_of_cell: dict[int, dict[int, int]] = {}
+    for disc in np.flatnonzero(inside):
+        known = sets_of_cell.setdefault(int(cell[disc]), {})
+        three, edges = int(fixed_by[disc]), int(touched[disc])
+        if not (three and any(other & three == three for other in known)):
+            known.setdefault(edges, int(disc))
+    kept = np.array(
+        [known[edges] for _, known in sorted(sets_of_cell.items()) for edges in sorted(known)],
+        np.intp,
+    )
     if len(kept) > MOST_CANDIDATES:
         best = np.argsort(-np.count_nonzero(tangent[kept], axis=1), kind="stable")
         kept = kept[np.sort(best[:MOST_CANDIDATES])]

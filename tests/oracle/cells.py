@@ -1,18 +1,22 @@
 """Cells: the places where one shadow of every camera overlaps, the only places to touch.
 
 A cell is one shadow per camera.  Cutting polygons out of each other would find them too; asking
-where a smallest disc fits that touches two edges finds the same ones in one pass over all pairs of
-edges, because a cell that holds such a disc lets it slide until it touches two edges.
+where a smallest disc comes to rest finds the same ones in one pass over all pairs of edges, because
+a cell that holds such a disc lets it fall until it lies on two edges, or on a side of the surface.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from cornertouchd.fusion.cells import MOST_CELLS_TIMES_TRIPLES, SMALLEST_SINE
+from cornertouchd.fusion.cells import (
+    DOWN,
+    MOST_CELLS_TIMES_TRIPLES,
+    SMALLEST_SINE,
+)
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import GATE_SIGMAS
-from cornertouchd.fusion.limits import DiscLimits
+from cornertouchd.fusion.limits import SURFACE_MARGIN_MM, DiscLimits
 from cornertouchd.geometry import angles_and_distances, line_crossings
 from cornertouchd.model import BoolArray, FloatArray
 from oracle.edge_rows import EdgeRows
@@ -81,9 +85,9 @@ def find_cells(rows: EdgeRows, limits: DiscLimits) -> IntArray:
     """Return all cells that hold a disc of the smallest radius, as shadow numbers (T, C).
 
     There are none with fewer than two cameras.  When a frame set has more than the cap allows,
-    those touched by the most pairs of edges are kept.
+    those in which most discs rest are kept.
     """
-    centres = _discs_touching_two_edges(rows, limits.smallest_radius_mm)
+    centres = _resting_discs(rows, limits)
     centres = centres[limits.on_surface(centres)]
     angles, _ = angles_and_distances(centres, rows.positions_mm)
     shadows = shadows_at(rows, rows.unwrap(angles))
@@ -93,15 +97,24 @@ def find_cells(rows: EdgeRows, limits: DiscLimits) -> IntArray:
     return _most_touched(shadows[inside], rows)
 
 
-def _discs_touching_two_edges(rows: EdgeRows, radius_mm: float) -> FloatArray:
-    """Return the centres (P, 2) of the discs that touch two valid edges of different cameras."""
-    edges = np.flatnonzero(rows.valid.ravel())
-    camera = np.repeat(rows.camera_of_shadow, 2)[edges]
-    a, b = (edges[side] for side in np.nonzero(camera[:, None] < camera[None, :]))
-    n = rows.normals.reshape(-1, 2)
-    offsets = rows.offsets_mm.ravel() + radius_mm
-    points, sines = line_crossings(n[a], offsets[a], n[b], offsets[b])
-    return points[np.abs(sines) > SMALLEST_SINE]
+def _resting_discs(rows: EdgeRows, limits: DiscLimits) -> FloatArray:
+    """Return the centres (P, 2) of the smallest discs that lie on edges or sides, two each.
+
+    On edges of different cameras: those of one camera cross where it stands.  At an edge that is
+    not valid a disc lies all but beyond it.
+    """
+    camera = np.concatenate([np.repeat(rows.camera_of_shadow, 2), [-1, -2, -3, -4]])
+    a, b = np.nonzero(camera[:, None] < camera[None, :])
+    width_mm, height_mm = limits.surface_mm
+    sides = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    normals = np.concatenate([rows.normals.reshape(-1, 2), sides])
+    radii = np.where(rows.valid.ravel(), 1.0, -1.0) * limits.smallest_radius_mm
+    side_offsets = np.array([0.0, 0.0, -width_mm, -height_mm]) - SURFACE_MARGIN_MM
+    offsets = np.concatenate([rows.offsets_mm.ravel() + radii, side_offsets])
+    points, sines = line_crossings(normals[a], offsets[a], normals[b], offsets[b])
+    slopes = DOWN[0] * normals[:, 1] - DOWN[1] * normals[:, 0]
+    rests = (slopes[a] * sines <= 0.0) & (slopes[b] * sines >= 0.0)
+    return points[rests & (np.abs(sines) > SMALLEST_SINE)]
 
 
 def shadows_at(rows: EdgeRows, angles_rad: FloatArray) -> IntArray:
