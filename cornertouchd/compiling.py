@@ -10,7 +10,10 @@ import hashlib
 import logging
 import os
 import shutil
+import subprocess
+import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -25,6 +28,15 @@ from cornertouchd.places import cache_directory
 
 FOLDERS = ("fusion", "locating", "vision")
 """Where compiled functions are."""
+
+COMPILED_BESIDE = (
+    "cornertouchd.fusion.following",
+    "cornertouchd.fusion.motion",
+    "cornertouchd.fusion.assignment",
+    "cornertouchd.vision.background",
+    "cornertouchd.locating.line_table",
+)
+"""What takes about as long as the crossing, which most programs import first."""
 
 KEPT_S = 30 * 24 * 3600.0
 """What another version has compiled is kept for so long."""
@@ -86,8 +98,9 @@ def _use_cache() -> None:
     """Tell numba where to keep what it compiles: in $NUMBA_CACHE_DIR, else in our own cache."""
     place = Path(os.environ.get("NUMBA_CACHE_DIR") or cache_directory(os.environ))
     directory = place / f"compiled-{_sources_key()}"
+    is_new = not directory.exists()
     try:
-        if not directory.exists():
+        if is_new:
             _drop_outdated(directory.parent)
         directory.mkdir(parents=True, exist_ok=True)
         kept = os.access(directory, os.W_OK)
@@ -97,6 +110,21 @@ def _use_cache() -> None:
         _log.warning("%s: cannot be written, so every start compiles anew", directory)
         directory = Path(tempfile.mkdtemp(prefix="cornertouchd-"))
     numba.config.CACHE_DIR = str(directory)  # type: ignore[attr-defined]
+    if is_new and kept and len(os.sched_getaffinity(0)) > 1:
+        _compile_beside()
+
+
+def _compile_beside() -> None:
+    """Let another process compile one half of the functions; it leaves them in the cache.
+
+    Nothing waits for it: what is not there yet when it is needed is compiled here.
+    """
+    command = [sys.executable, "-c", f"import {', '.join(COMPILED_BESIDE)}"]
+    with contextlib.suppress(OSError):
+        process = subprocess.Popen(  # noqa: S603
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        threading.Thread(target=process.wait, name="compiling", daemon=True).start()
 
 
 def _drop_outdated(directory: Path) -> None:
