@@ -6,10 +6,18 @@
 
 Pictures of the simulated rig (350x400 mm, four cameras, 640x64 pixels), fingers that move.  Beside
 our path: the paper's edges and crossing in the same daemon, and the usual way to find shadows, with
-OpenCV: subtract the background, threshold, open, label connected components (most of the time goes
-there; so a quicker kind, which draws contours instead, is shown too).  It ends with boxes in four
-pictures, where touches are still to be found.  All take turns in the same run.  A cell is
-median / p99.  --check ends with status 1 if a goal is missed.
+OpenCV: subtract the background, threshold, open, label connected components.  All take turns in the
+same run.  A cell is median / p99.  --check ends with status 1 if a goal is missed.
+
+OpenCV is given the same four pictures as our path, all 64 rows of them: the band of the image that
+holds the strip, and all that the daemon ever sees.  Our path looks at the dozen rows where the
+calibration found the horizon; who knows OpenCV but not where the strip lies cannot.  It ends with
+boxes in four pictures, where touches are still to be found; ours ends with datagrams.
+
+The goal is about `connectedComponentsWithStats` as it comes.  Nine tenths of OpenCV's time go
+there, most of it for the statistics of the default algorithm (OpenCV 5.0).  It can be done in a
+fifth of the time: with contours, which are shown too.  The algorithm CCL_BBDT takes less than half,
+and so do the 32 rows of the strip and its mirror image alone.
 """
 
 import argparse

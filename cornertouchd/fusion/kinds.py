@@ -67,6 +67,8 @@ class KindsOfContacts:
         A palm is wider than `palm_diameter_mm` in every direction; an arm is that, too, and reaches
         in from the border of a picture.  What lies within `palm_reach_mm` of them is palm as well.
         """
+        if not crossed.contacts:
+            return crossed
         suspects = [
             number
             for number, contact in enumerate(crossed.contacts)
@@ -105,6 +107,8 @@ class KindsOfContacts:
             and not self._is_slim(sections[number])
             and (around[number] == "cut off" or contacts[number].diameter_mm > self._palm_mm)
         ]
+        if not palms and not arms:
+            return crossed
         told = [self._palm(palm, contacts) for palm in palms]
         told += [self._or_palm(contacts[number], palms, arms) for number in others]
         return _joined(crossed, tuple(told), [palm.parts for palm in palms], others)
@@ -199,8 +203,13 @@ class KindsOfContacts:
 
 def _without_guesses(crossed: Crossed) -> Crossed:
     """Leave out new fingers that own hardly an edge, and are no part of a palm either."""
-    guessed = (crossed.own_edges < FEWEST_EDGES_OF_A_NEW_FINGER) & (crossed.predictions < 0)
-    if not guessed.any():
+    guessed = [
+        own_edges < FEWEST_EDGES_OF_A_NEW_FINGER and prediction < 0
+        for own_edges, prediction in zip(
+            crossed.own_edges.tolist(), crossed.predictions.tolist(), strict=True
+        )
+    ]
+    if not any(guessed):
         return crossed
     kept = [
         number

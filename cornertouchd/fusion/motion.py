@@ -6,7 +6,7 @@ edge is moved by its own velocity, which its place in the camera's picture befor
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,9 +52,8 @@ UNKNOWN, GUESSED, KNOWN = 0.0, 1.0, 2.0
 """An edge seen once; found again once; and found where it was expected, or with its shadow."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Seen:
-    """What a camera saw last.
+class _Seen(NamedTuple):
+    """What a camera saw last.  A tuple, since it is made for every picture.
 
     `velocities_px_s` and `trust` are (K, 2), one for each edge; None while nobody has needed them.
     """

@@ -93,9 +93,10 @@ class WholePath:
     def run(self, frames: Sequence[Frame]) -> tuple[int, tuple[int, ...]]:
         """Handle a frame set; return how many touches it has."""
         touches: tuple[Touch, ...] = ()
-        for frame in frames:
-            observation = self._cameras[frame.camera].observe(frame)
-            for frame_set in self._pairing.add(observation, frame.captured_at_s):
+        # as in the daemon: what the cameras of a rig saw at once waits together for the fusion
+        observations = [self._cameras[frame.camera].observe(frame) for frame in frames]
+        for observation in observations:
+            for frame_set in self._pairing.add(observation, observation.captured_at_s):
                 _, touches = self._surface.follow(frame_set)
                 self._session.frame(TouchFrame(frame_set.captured_at_s, touches))
         return len(touches), ()
@@ -104,7 +105,8 @@ class WholePath:
 class StagedPath:
     """The same stages, one after the other, with a look at the clock between them.
 
-    What the daemon does between these stages is not in it.
+    What the daemon does between these stages is not in it: dirt, motion between cameras, what
+    silent cameras deny, kinds of contacts.
     """
 
     def __init__(self, calibration: Calibration, settings: Settings) -> None:

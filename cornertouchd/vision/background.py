@@ -7,6 +7,7 @@ pictures.
 
 from dataclasses import dataclass
 from math import exp
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,9 +63,8 @@ class MaskedColumns:
         return f"columns {self.first_px}..{self.last_px} tell nothing: {self.why}"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sight:
-    """What one picture gave."""
+class Sight(NamedTuple):
+    """What one picture gave.  A tuple, since it is made for every picture."""
 
     captured_at_s: float
     measured: Measured
@@ -303,7 +303,7 @@ def _follow(
             seen_peak[column] + NOISE_GREY,
         )
         change[column] = new_light[column] / max(light[column], 1.0)
-        fresh[column] = known[column] and not covered[column]
+        fresh[column] = known[column] & (not covered[column])
         in_the_light += int(fresh[column])
     if in_the_light < FEWEST_FRESH:
         return light.copy(), peak.copy(), 1.0

@@ -1,6 +1,6 @@
 """Brightness along the strip of one picture, measured against the empty strip."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,12 @@ class NoiseError(Exception):
     """A picture shows noise instead of the strip."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Measured:
+class Measured(NamedTuple):
     """What a picture shows: its profile, and the grey levels (width_px,) that it comes from.
 
     `light` is the mean of a column's pixels, `peak` the brightest; `gain` is how much brighter than
     the reference the uncovered strip is; `rough_share` of the columns differ much from the next.
+    A tuple, since it is made for every picture.
     """
 
     profile: Profile
@@ -100,23 +100,35 @@ def _sum_taps(
     light: FloatArray,
     peak: FloatArray,
 ) -> None:
-    """Add up the weighted mean and the brightest pixel of the taps of each column."""
-    for tap in range(weights.shape[0]):
-        for column in range(weights.shape[1]):
-            weight = weights[tap, column]
-            grey = float(picture[first_rows[column] + tap, column])
-            light[column] += weight * grey
-            peak[column] = max(peak[column], grey if weight > 0.0 else 0.0)
+    """Add up the weighted mean and the brightest pixel of the taps of each column.
+
+    Columns that begin in the same row go together: a processor takes several pixels of one row at
+    once, but not of several rows.
+    """
+    start = 0
+    while start < len(first_rows):
+        stop = start + 1
+        while stop < len(first_rows) and first_rows[stop] == first_rows[start]:
+            stop += 1
+        lights, peaks = light[start:stop], peak[start:stop]
+        for tap in range(len(weights)):
+            greys, shares = picture[first_rows[start] + tap, start:stop], weights[tap, start:stop]
+            for column in range(stop - start):
+                grey = float(greys[column])
+                counted = grey if shares[column] > 0.0 else 0.0
+                lights[column] += shares[column] * grey
+                peaks[column] = max(peaks[column], counted)
+        start = stop
 
 
 @inlined
 def _rough_share(brightness: FloatArray, known: BoolArray) -> float:
     """Return which share of the known columns differs much from the next."""
     count = rough = 0
-    for column in range(len(known) - 1):
-        if known[column] and known[column + 1]:
-            count += 1
-            rough += int(abs(brightness[column + 1] - brightness[column]) > ROUGH)
+    for column in range(len(known) - 1):  # without branches, so that several go at once
+        both = known[column] & known[column + 1]
+        count += int(both)
+        rough += int(both & (abs(brightness[column + 1] - brightness[column]) > ROUGH))
     return rough / count if count else 0.0
 
 
@@ -147,7 +159,7 @@ def _measure(
     _sum_taps(picture, first_rows, weights, light, peak)
     for column in range(width):
         brightness[column] = (light[column] - black[column]) * scale[column]
-        known[column] = usable[column] and (peak[column] < saturated_grey or clipped[column])
+        known[column] = usable[column] & ((peak[column] < saturated_grey) | clipped[column])
     gain = most_frequent_brightness(brightness, known, gain_before)
     for column in range(width):
         brightness[column] *= 1.0 / gain

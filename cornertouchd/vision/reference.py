@@ -5,6 +5,7 @@ from typing import Self
 
 import numpy as np
 
+from cornertouchd.compiling import compiled
 from cornertouchd.config import VisionSettings
 from cornertouchd.model import BoolArray, FloatArray
 from cornertouchd.vision.strip import Strip
@@ -53,13 +54,28 @@ class Reference:
         saturated_grey: float,
     ) -> Self:
         """Return the reference of a strip with this light; what follows from it is worked out."""
-        on_strip = np.isfinite(least_light)
-        usable = light > least_light
-        full = np.count_nonzero(usable & (peak >= saturated_grey))
-        sunlit = bool(full > SUNLIT_SHARE * np.count_nonzero(usable))
-        scale = 1.0 / np.maximum(light, 1.0)
-        clipped = peak >= NEARLY_FULL * saturated_grey
-        return cls(black, light, peak, least_light, on_strip, usable, clipped, scale, sunlit)
+        return cls(
+            black, light, peak, least_light, *_derived(light, peak, least_light, saturated_grey)
+        )
+
+
+@compiled("Tuple((b1[::1], b1[::1], b1[::1], f8[::1], b1))(f8[::1], f8[::1], f8[::1], f8)")
+def _derived(
+    light: FloatArray, peak: FloatArray, least_light: FloatArray, saturated_grey: float
+) -> tuple[BoolArray, BoolArray, BoolArray, FloatArray, bool]:
+    """Return which columns are on the strip, usable, clipped; their scale; if it is sunlit."""
+    width = len(light)
+    on_strip, usable = np.empty(width, np.bool_), np.empty(width, np.bool_)
+    clipped, scale = np.empty(width, np.bool_), np.empty(width)
+    useful = full = 0
+    for column in range(width):
+        on_strip[column] = least_light[column] < np.inf
+        usable[column] = light[column] > least_light[column]
+        clipped[column] = peak[column] >= NEARLY_FULL * saturated_grey
+        scale[column] = 1.0 / max(light[column], 1.0)
+        useful += int(usable[column])
+        full += int(usable[column] & (peak[column] >= saturated_grey))
+    return on_strip, usable, clipped, scale, full > SUNLIT_SHARE * useful
 
 
 def make_reference(

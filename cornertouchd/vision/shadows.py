@@ -239,16 +239,16 @@ def _edges_in_view(
     edges: FloatArray,
 ) -> int:
     """Write left and right of all shadows, counted from the first column; return how many."""
-    count = start = 0
-    while start < len(brightness):
-        stop = start
-        while stop < len(brightness) and brightness[stop] < below:
-            stop += 1
-        if stop > start:
+    count, start = 0, -1
+    for column in range(len(brightness) + 1):
+        if column < len(brightness) and brightness[column] < below:
+            start = column if start < 0 else start
+        elif start >= 0:
+            run = start, column
             count = _edges_of_run(
-                brightness, (start, stop), sunlit, smallest_px, level, blur, dark, edges, count
+                brightness, run, sunlit, smallest_px, level, blur, dark, edges, count
             )
-        start = stop + 1
+            start = -1
     return count
 
 
@@ -268,6 +268,11 @@ def _add_hiding_places(
     known: BoolArray, hiding: BoolArray, edges: FloatArray, depth: FloatArray, count: int
 ) -> int:
     """Add the runs of columns that may hide a shadow, with depth 0; return how many there are."""
+    hidden = 0
+    for column in range(len(known)):  # without branches, so that several go at once
+        hidden += int(hiding[column] & (not known[column]))
+    if hidden < HIDING_PX:
+        return count
     total = count
     start = 0
     for column in range(len(known)):

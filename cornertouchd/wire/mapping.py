@@ -16,6 +16,13 @@ _TURNED = {
     270: (True, True, False),
 }
 
+# The same by rotation and mirror, which turns the picture's x round.
+_AXES = {
+    (rotation_deg, mirror): (swapped, x_backwards != mirror, y_backwards)
+    for rotation_deg, (swapped, x_backwards, y_backwards) in _TURNED.items()
+    for mirror in (False, True)
+}
+
 
 @dataclass(frozen=True, slots=True)
 class DisplayMapping:
@@ -61,9 +68,11 @@ class DisplayMapping:
 
         A place beside the display gives the nearest one on its edge.
         """
-        u = min(max((x_mm - self.left_mm) / self.width_mm, 0.0), 1.0)
-        v = min(max((y_mm - self.top_mm) / self.height_mm, 0.0), 1.0)
-        swapped, x_backwards, y_backwards = self._axes()
+        u = (x_mm - self.left_mm) / self.width_mm
+        v = (y_mm - self.top_mm) / self.height_mm
+        if not (0.0 <= u <= 1.0 and 0.0 <= v <= 1.0):
+            u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+        swapped, x_backwards, y_backwards = _AXES[self.rotation_deg, self.mirror]
         x, y = (v, u) if swapped else (u, v)
         return (1.0 - x if x_backwards else x), (1.0 - y if y_backwards else y)
 
@@ -71,10 +80,6 @@ class DisplayMapping:
         """Return the velocity in the picture, in widths and heights of it per second."""
         u_per_s = vx_mm_s / self.width_mm
         v_per_s = vy_mm_s / self.height_mm
-        swapped, x_backwards, y_backwards = self._axes()
+        swapped, x_backwards, y_backwards = _AXES[self.rotation_deg, self.mirror]
         x_per_s, y_per_s = (v_per_s, u_per_s) if swapped else (u_per_s, v_per_s)
         return (-x_per_s if x_backwards else x_per_s), (-y_per_s if y_backwards else y_per_s)
-
-    def _axes(self) -> tuple[bool, bool, bool]:
-        swapped, x_backwards, y_backwards = _TURNED[self.rotation_deg]
-        return swapped, x_backwards != self.mirror, y_backwards

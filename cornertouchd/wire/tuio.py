@@ -10,7 +10,7 @@ import hashlib
 import math
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 from cornertouchd.model import Touch, TouchFrame
@@ -29,7 +29,8 @@ _MAX_FLOAT32 = (2.0 - 2.0**-23) * 2.0**127
 _ADDRESS = b"/tuio/2Dcur\0"
 _IMMEDIATELY = b"#bundle\0" + struct.pack(">Q", 1)
 _SET_START = struct.pack(">i", 52) + _ADDRESS + b",sifffff\0\0\0\0set\0"
-_SET = struct.Struct(f">{len(_SET_START)}sifffff")
+_SET = f"{len(_SET_START)}sifffff"
+_SET_BYTES = struct.calcsize(f">{_SET}")
 _FSEQ_START = struct.pack(">i", 28) + _ADDRESS + b",si\0fseq\0\0\0\0"
 _FSEQ = struct.Struct(f">{len(_FSEQ_START)}si")
 
@@ -70,26 +71,26 @@ class BundleEncoder:
 
         Raises `struct.error` or `OverflowError` for a number that does not fit.
         """
-        count = len(alive)
-        ids = struct.pack(f">{count}i", *alive)
-        parts = [self._head, _element(_padded(b",s" + b"i" * count) + b"alive\0\0\0" + ids)]
-        parts.extend([_SET.pack(_SET_START, *cursor) for cursor in cursors])
-        parts.append(_FSEQ.pack(_FSEQ_START, fseq))
-        return b"".join(parts)
+        alive_start, alive_layout = _alive_message(len(alive))
+        values: list[bytes | float] = []
+        for cursor in cursors:
+            values.append(_SET_START)
+            values += cursor
+        return b"".join(
+            (
+                self._head,
+                alive_start,
+                alive_layout.pack(*alive),
+                _set_messages(len(cursors)).pack(*values),
+                _FSEQ.pack(_FSEQ_START, fseq),
+            )
+        )
 
     def size_bytes(self, alive_count: int, cursor_count: int) -> int:
         """Return the length of the bundle that `encode` makes."""
         tags = alive_count + 6 - (alive_count + 2) % 4
         alive = 4 + len(_ADDRESS) + tags + 8 + 4 * alive_count
-        return len(self._head) + alive + cursor_count * _SET.size + _FSEQ.size
-
-
-@dataclass(frozen=True, slots=True)
-class _Known:
-    """What clients were last told of a touch."""
-
-    cursor: Cursor
-    speed: float
+        return len(self._head) + alive + cursor_count * _SET_BYTES + _FSEQ.size
 
 
 class TuioSession:
@@ -106,7 +107,7 @@ class TuioSession:
         self._encoder = BundleEncoder(source)
         self._fseq = fseq_seed % _INT32_COUNT
         self._next_id = id_seed % _INT32_COUNT
-        self._known: dict[int, _Known] = {}
+        self._known: dict[int, Cursor] = {}  # what was told last, by the touch's own id
         self._captured_at_s = math.nan
         self._left_out = 0
 
@@ -136,16 +137,15 @@ class TuioSession:
         }
         if not before and not self._known:
             return []
-        continuing = [known.cursor for key, known in self._known.items() if key in before]
-        new = [known.cursor for key, known in self._known.items() if key not in before]
+        continuing = [cursor for key, cursor in self._known.items() if key in before]
+        new = [cursor for key, cursor in self._known.items() if key not in before]
         fseq = self._fseq
         self._fseq = (fseq + 1) % _INT32_COUNT
         return list(self._bundles(continuing, new, fseq))
 
     def full_state(self) -> list[bytes]:
         """Return bundles that repeat what was told last, marked as redundant."""
-        cursors = [known.cursor for known in self._known.values()]
-        return list(self._bundles(cursors, [], REDUNDANT_FSEQ))
+        return list(self._bundles(list(self._known.values()), [], REDUNDANT_FSEQ))
 
     def empty(self) -> bytes:
         """Forget all touches and return the bundle that says so, never dropped as late."""
@@ -155,11 +155,17 @@ class TuioSession:
     def _on_display(self, touches: tuple[Touch, ...]) -> dict[int, Touch]:
         """Return the touches to tell by their id; those known already come first if too many."""
         shown = {}
+        contains, isfinite = self._mapping.contains, math.isfinite
         for touch in touches:
-            values = (touch.x_mm, touch.y_mm, touch.vx_mm_s, touch.vy_mm_s)
-            if not all(map(math.isfinite, values)):
+            x_mm, y_mm = touch.x_mm, touch.y_mm
+            if not (
+                isfinite(x_mm)
+                and isfinite(y_mm)
+                and isfinite(touch.vx_mm_s)
+                and isfinite(touch.vy_mm_s)
+            ):
                 self._left_out += 1
-            elif self._mapping.contains(touch.x_mm, touch.y_mm):
+            elif contains(x_mm, y_mm):
                 shown[touch.id] = touch
         if len(shown) <= MAX_CURSORS:
             return shown
@@ -167,19 +173,23 @@ class TuioSession:
         known_first = sorted(shown, key=lambda touch_id: touch_id not in self._known)
         return {touch_id: shown[touch_id] for touch_id in known_first[:MAX_CURSORS]}
 
-    def _advance(self, touch: Touch, before: _Known | None, elapsed_s: float) -> _Known:
+    def _advance(self, touch: Touch, before: Cursor | None, elapsed_s: float) -> Cursor:
         """Return what to tell of a touch, given what was told of it `elapsed_s` ago."""
         x, y = self._mapping.to_display(touch.x_mm, touch.y_mm)
-        x_speed, y_speed = map(
-            _to_float32, self._mapping.velocity_to_display(touch.vx_mm_s, touch.vy_mm_s)
-        )
-        speed = math.hypot(x_speed, y_speed)
+        x_speed, y_speed = self._mapping.velocity_to_display(touch.vx_mm_s, touch.vy_mm_s)
+        if abs(x_speed) + abs(y_speed) > _MAX_FLOAT32:
+            x_speed, y_speed = _to_float32(x_speed), _to_float32(y_speed)
         if before is None:
             session_id = self._next_id
             self._next_id = (session_id + 1) % _INT32_COUNT
-            return _Known(Cursor(session_id, x, y, x_speed, y_speed, 0.0), speed)
-        acceleration = _to_float32((speed - before.speed) / elapsed_s) if elapsed_s > 0.0 else 0.0
-        return _Known(Cursor(before.cursor.id, x, y, x_speed, y_speed, acceleration), speed)
+            return Cursor(session_id, x, y, x_speed, y_speed, 0.0)
+        acceleration = 0.0
+        if elapsed_s > 0.0:
+            faster = math.hypot(x_speed, y_speed) - math.hypot(before.x_speed, before.y_speed)
+            acceleration = faster / elapsed_s
+            if abs(acceleration) > _MAX_FLOAT32:
+                acceleration = _to_float32(acceleration)
+        return Cursor(before.id, x, y, x_speed, y_speed, acceleration)
 
     def _bundles(
         self, continuing: Sequence[Cursor], new: Sequence[Cursor], fseq: int
@@ -233,6 +243,20 @@ def _to_float32(value: float) -> float:
 def _padded(text: bytes) -> bytes:
     """Return an OSC string: ended by one to four zeros, a multiple of four bytes."""
     return text + b"\0" * (4 - len(text) % 4)
+
+
+@lru_cache(maxsize=2 * MAX_CURSORS)
+def _alive_message(count: int) -> tuple[bytes, struct.Struct]:
+    """Return how the alive message of so many ids begins, and how the ids follow."""
+    ids = struct.Struct(f">{count}i")
+    start = _ADDRESS + _padded(b",s" + b"i" * count) + b"alive\0\0\0"
+    return struct.pack(">i", len(start) + ids.size) + start, ids
+
+
+@lru_cache(maxsize=2 * MAX_CURSORS)
+def _set_messages(count: int) -> struct.Struct:
+    """Return how so many set messages follow each other."""
+    return struct.Struct(">" + _SET * count)
 
 
 def _element(arguments: bytes) -> bytes:

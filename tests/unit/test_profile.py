@@ -9,6 +9,7 @@ from oracle.profile import measure_profile, most_frequent
 from cornertouchd.config import VisionSettings
 from cornertouchd.model import FloatArray, Picture
 from cornertouchd.vision.profile import ProfileSampler
+from cornertouchd.vision.reference import Reference
 from cornertouchd.vision.strip import Strip
 
 WIDTH, ROWS = 120, 24
@@ -112,6 +113,38 @@ def test_pictures_that_may_not_be_written_or_lie_apart_are_measured_as_well() ->
     expected = SAMPLER.sample(whole).brightness.tolist()
     assert SAMPLER.sample(frozen).brightness.tolist() == expected
     assert SAMPLER.sample(apart).brightness.tolist() == expected
+
+
+def test_where_the_strip_rises_and_falls_each_column_is_measured_in_its_own_rows() -> None:
+    bend = 3.0 * np.sin(np.arange(WIDTH) / 4) + np.where(np.arange(WIDTH) % 3 == 0, 1.0, 0.0)
+    bent = Strip(
+        TOP + 2.0 + bend,
+        SURFACE + 2.0 + bend,
+        STRIP.horizon_px + 2.0 + bend,
+        STRIP.visible,
+        mirrored=True,
+        dark_level=2.0,
+    )
+    noise = np.random.default_rng(1).uniform(0.0, 255.0, (ROWS, WIDTH))
+    sampler = ProfileSampler(bent, noise, VisionSettings())
+    assert len(np.unique(sampler.taps.first_rows)) > 4
+    taken = expose(noise)
+    measured = sampler.measure(taken, sampler.reference)
+    np.testing.assert_allclose(measured.light, sampler.taps.light(taken), rtol=1e-12)
+    np.testing.assert_array_equal(measured.peak, sampler.taps.peak(taken))
+
+
+def test_a_reference_tells_what_follows_from_its_light() -> None:
+    light = np.array([100.0, 0.5, 20.0, 240.0, 230.0, 90.0])
+    peak = np.array([120.0, 3.0, 25.0, 255.0, 240.0, 110.0])
+    least = np.array([24.0, 24.0, 24.0, 24.0, 24.0, np.inf])
+    told = Reference.of(np.zeros(6), light, peak, least, saturated_grey=250.0)
+    assert told.on_strip.tolist() == [True, True, True, True, True, False]
+    assert told.usable.tolist() == [True, False, False, True, True, False]
+    assert told.clipped.tolist() == [False, False, False, True, True, False]
+    assert told.scale.tolist() == [1 / 100, 1.0, 1 / 20, 1 / 240, 1 / 230, 1 / 90]
+    assert told.sunlit
+    assert not Reference.of(np.zeros(6), light, 0.5 * peak, least, saturated_grey=250.0).sunlit
 
 
 @given(
