@@ -1,7 +1,7 @@
 """Seeds of candidates: discs that touch two or three edges of a cell at once.
 
 Three tangents fix a disc, and so do two when its size is guessed.  All of them are tried in every
-cell, because any edge of the cell may belong to another contact, but for three that one disc is
+cell, because any edge of the cell may belong to another contact, but for three that one finger is
 known to touch; each set of edges that a disc touches at once is kept once.
 """
 
@@ -100,8 +100,8 @@ def _seed_by_threes(
                 radius = edges[i, 0] * x + edges[i, 1] * y - edges[i, 2]
                 regular = valid[k] & (abs(determinant) > SMALLEST_DETERMINANT)
                 three = (1 << i) | (1 << j) | (1 << k)
-                if (regular & is_possible(bounds, x, y, radius)) and not _are_touched_by_one(
-                    touched, first_count, count, three
+                if (regular & is_possible(bounds, x, y, radius)) and not _are_of_one_finger(
+                    seeds, first_count, count, three
                 ):
                     count = _add_seed(
                         edges,
@@ -121,10 +121,11 @@ def _seed_by_threes(
 
 
 @inlined
-def _are_touched_by_one(touched: IntArray, first: int, end: int, edges: int) -> bool:
-    known = False
+def _are_of_one_finger(seeds: Seeds, first: int, end: int, edges: int) -> bool:
+    """Tell whether a known disc touches these; one larger than a finger may be several."""
+    discs, touched, known = seeds.discs, seeds.edges, False
     for number in range(first, end):
-        known |= touched[number] & edges == edges
+        known |= (touched[number] & edges == edges) & (discs[number, 2] <= FINGER_RADII_MM[1])
     return known
 
 
