@@ -4,9 +4,10 @@ import importlib
 import os
 from pathlib import Path
 
-import numba
 import pytest
 from hypothesis import settings
+
+import cornertouchd.cli  # noqa: F401  # numpy comes after it, as in the commands
 
 # A busy machine is slow, not wrong.
 settings.register_profile("any machine", deadline=None)
@@ -23,6 +24,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure() -> None:
     """Compile before the tests are shared out; commands that they start find it in the cache."""
+    numba = importlib.import_module("cornertouchd.compiling").numba
     importlib.import_module("cornertouchd.pipeline")
     os.environ["NUMBA_CACHE_DIR"] = str(Path(numba.config.CACHE_DIR).parent)
 

@@ -6,15 +6,9 @@ from cornertouchd.calibration.calibration import CalibrationError, TapsDoNotFitE
 from cornertouchd.calibration.error_map import map_from_covariance
 from cornertouchd.calibration.fitted import SMALLEST_SHARE_KEPT, Fitted
 from cornertouchd.calibration.gathering import ReferenceTouches
-from cornertouchd.calibration.joint_fit import (
-    DEGREE,
-    EDGE_SIGMA_PX,
-    SHAPE_SIGMA_MM,
-    JointFit,
-    StartingPoint,
-    fit_jointly,
-)
+from cornertouchd.calibration.joint_fit import DEGREE, JointFit, StartingPoint, fit_jointly
 from cornertouchd.calibration.rig_corners import corner_mm
+from cornertouchd.calibration.touch_columns import EDGE_SIGMA_PX, SHAPE_SIGMA_MM
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.vision.strip import Strip
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cornertouchd.calibration.calibration import Model
 from cornertouchd.calibration.error_map import ErrorMap
-from cornertouchd.calibration.joint_fit import SHAPE_SIGMA_MM
+from cornertouchd.calibration.touch_columns import SHAPE_SIGMA_MM
 from cornertouchd.geometry import normals, unit_vectors
 from cornertouchd.locating.camera_model import CameraModel
 from cornertouchd.model import BoolArray, FloatArray

@@ -8,13 +8,13 @@ import numpy as np
 
 from cornertouchd.calibration.board_sights import BoardSight
 from cornertouchd.calibration.calibration import CalibrationError
-from cornertouchd.calibration.joint_fit import TouchColumns
 from cornertouchd.calibration.observing import (
     find_strips,
     make_finders,
     mean_pictures,
     observe_touches,
 )
+from cornertouchd.calibration.touch_columns import TouchColumns
 from cornertouchd.config import VisionSettings
 from cornertouchd.model import FloatArray, Frame, PictureFormat
 from cornertouchd.vision.finder import ShadowFinder

@@ -164,7 +164,8 @@ def _fit(solve: _Solver, views: _Views, size: PictureFormat) -> tuple[_Solution,
     try:
         first = solve(views, size)
         kept = _without_outliers(views, first.off_px)
-        if len(kept) < FEWEST_VIEWS:
+        whole = sum(len(view.pixels_px) for view in views)
+        if len(kept) < FEWEST_VIEWS or sum(len(view.pixels_px) for view in kept) == whole:
             return first, views
         return solve(kept, size), kept
     except cv2.error:  # no start is found, as for a fisheye when a board reaches beside the camera

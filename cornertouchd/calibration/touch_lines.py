@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cornertouchd.calibration.calibration import CameraCalibration
-from cornertouchd.calibration.joint_fit import EDGE_SIGMA_PX, SHAPE_SIGMA_MM
+from cornertouchd.calibration.touch_columns import EDGE_SIGMA_PX, SHAPE_SIGMA_MM
 from cornertouchd.geometry import normals
 from cornertouchd.model import Contact, FloatArray, FrameSet, Observation
 

@@ -1,11 +1,15 @@
 """The commands, one file each."""
 
+import os
 from importlib import import_module
 
 import click
 
 from cornertouchd.cli.journal import log_to_stderr
 from cornertouchd.errors import ReportedError
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when a command imports numpy
+"""Our matrices are small: threads would wait for each other far longer than they work."""
 
 COMMANDS = {
     "bench": "Measure what this machine carries: microseconds per stage.",

@@ -2,6 +2,8 @@
 
 import time
 from collections.abc import Sequence
+from itertools import groupby
+from operator import itemgetter
 from types import TracebackType
 from typing import Self
 
@@ -157,8 +159,9 @@ def plan(status: Status, surface_mm: tuple[float, float], largest: tuple[int, in
         characters[at(status.finger_mm)], styles[at(status.finger_mm)] = "●", "bold yellow"
     text = Text()
     for row in range(rows):
-        for column in range(columns):
-            text.append(characters[row, column], styles[row, column])
+        cells = zip(styles[row].tolist(), characters[row].tolist(), strict=True)
+        for style, run in groupby(cells, key=itemgetter(0)):
+            text.append("".join(character for _, character in run), style)
         text.append("\n" if row + 1 < rows else "")
     return Panel(text, width=columns + BORDER[0], title="C1" + "─" * (columns - 6) + "C2",
                  subtitle="C4" + "─" * (columns - 6) + "C3")  # fmt: skip

@@ -10,8 +10,8 @@ from cornertouchd.calibration.board_sights import BoardSight
 from cornertouchd.calibration.calibration import CalibrationError, Method, TapsDoNotFitError
 from cornertouchd.calibration.fitted import Fitted
 from cornertouchd.calibration.gathering import ReferenceTouches
-from cornertouchd.calibration.joint_fit import TouchColumns
 from cornertouchd.calibration.methods import fit
+from cornertouchd.calibration.touch_columns import TouchColumns
 from cornertouchd.config import VisionSettings
 from cornertouchd.guiding.checking import CameraCheck, check_camera
 from cornertouchd.guiding.coverage import ScribbleCoverage

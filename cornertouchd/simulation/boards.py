@@ -294,5 +294,5 @@ def _undistorted(camera: CornerCamera, picture: PictureFormat) -> tuple[Light, L
     step_px = 1.0 / RAYS_PER_PIXEL
     columns = (np.arange(picture.width_px * RAYS_PER_PIXEL) + 0.5) * step_px
     rows = (np.arange(picture.rows_px * RAYS_PER_PIXEL) + 0.5) * step_px + picture.row_offset_px
-    x, y = camera.lens.plane(*np.meshgrid(columns, rows))
+    x, y = camera.lens.plane(*np.meshgrid(columns, rows, sparse=True))
     return x.astype(np.float32), y.astype(np.float32)

@@ -46,9 +46,7 @@ class LedBorder:
     barrels_mm: FloatArray
     barrel_mm: float
 
-    def light(
-        self, origin_mm: FloatArray, rays: FloatArray, footprint_rad: float | FloatArray
-    ) -> FloatArray:
+    def light(self, origin_mm: FloatArray, rays: FloatArray, footprint_rad: float) -> FloatArray:
         """Return the light (...) that arrives at the origin (3,) from unit directions (3, ...).
 
         1 is the mean of a strip.  Every edge is softened over the footprint of a ray, so that a
@@ -60,10 +58,14 @@ class LedBorder:
         height_mm = origin_mm[2] + distance_mm * rays[2] / level
         footprint_mm = distance_mm * footprint_rad
 
-        light = self._strip(side, along_mm, np.abs(height_mm), footprint_mm)
-        light *= np.where(height_mm < 0.0, self._mirrored(rays[2]), 1.0)
+        lit = np.abs(height_mm) < self.top_mm + footprint_mm  # most of a whole picture is not
+        light: FloatArray = np.zeros_like(height_mm)
+        height_mm, ahead = height_mm[lit], ahead[:, lit]
+        seen = self._strip(side[lit], along_mm[lit], np.abs(height_mm), footprint_mm[lit])
+        seen *= np.where(height_mm < 0.0, self._mirrored(rays[2][lit]), 1.0)
         for barrel_mm in self.barrels_mm:
-            light *= self._past_barrel(barrel_mm - origin_mm[:2], ahead, footprint_rad)
+            seen *= self._past_barrel(barrel_mm - origin_mm[:2], ahead, footprint_rad)
+        light[lit] = seen
         return light
 
     def wall_distance(self, origin_mm: FloatArray, ahead: FloatArray) -> FloatArray:

@@ -8,7 +8,6 @@ from math import ceil, hypot, pi, radians
 from types import MappingProxyType
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from cornertouchd.model import FloatArray, Frame, Picture, PictureFormat
 from cornertouchd.simulation.border import STRIP_BOTTOM_MM, LedBorder, led_brightness
@@ -47,6 +46,9 @@ PIXEL_SPREAD = 0.005
 # Rays a pixel in each direction when the empty picture is made.  Nine instead of three change it
 # by .3 grey levels RMS, below the noise of reading, and take nine times as long.
 RAYS_PER_PIXEL = 3
+# Rows of rays that are made together, so that they stay in the cache: that takes .6 of the time
+# for a whole picture.
+ROWS_AT_ONCE = 48
 # Rows and columns around the picture that the blur needs: four standard deviations.
 BLUR_MARGIN_PX = ceil(4.0 * BLUR_PX)
 
@@ -236,23 +238,44 @@ def _empty_light(
     step_px = 1.0 / RAYS_PER_PIXEL
     columns_px = np.arange(-BLUR_MARGIN_PX, picture.width_px + BLUR_MARGIN_PX, step_px)
     rows_px = np.arange(-BLUR_MARGIN_PX, picture.rows_px + BLUR_MARGIN_PX, step_px)
-    rays = camera.rays(
-        *np.meshgrid(columns_px + step_px / 2.0, rows_px + step_px / 2.0 + picture.row_offset_px)
+    columns_px += step_px / 2.0
+    rows_px += step_px / 2.0 + picture.row_offset_px
+    light = np.concatenate(
+        [
+            _border_light(camera, border, columns_px, some_px)
+            for some_px in np.array_split(rows_px, ceil(len(rows_px) / ROWS_AT_ONCE))
+        ]
     )
-    origin_mm = np.array([camera.x_mm, camera.y_mm, camera.height_mm])
-    light = border.light(origin_mm, rays, step_px / camera.lens.focal_px)
-    off_axis_cos = np.tensordot(camera.axes()[2], rays, axes=1)
-    light *= EXPOSURE * off_axis_cos**VIGNETTING_POWER
-    light = gaussian_filter(light, BLUR_PX * RAYS_PER_PIXEL)
-    shape = (
-        picture.rows_px + 2 * BLUR_MARGIN_PX,
-        RAYS_PER_PIXEL,
-        picture.width_px + 2 * BLUR_MARGIN_PX,
-        RAYS_PER_PIXEL,
-    )
-    inner = slice(BLUR_MARGIN_PX, -BLUR_MARGIN_PX)
-    pixels = light.reshape(shape).mean(axis=(1, 3))[inner, inner]
+    pixels = _pixels(light)
     pixels *= 1.0 + PIXEL_SPREAD * rng.standard_normal(pixels.shape)
     light_px: Light = pixels.astype(np.float32)
     light_px.setflags(write=False)
     return light_px
+
+
+def _border_light(
+    camera: CornerCamera, border: LedBorder, columns_px: FloatArray, rows_px: FloatArray
+) -> FloatArray:
+    """Return the light (rows, columns) of rays in these columns and rows, not yet blurred."""
+    rays = camera.rays(*np.meshgrid(columns_px, rows_px, sparse=True))
+    origin_mm = np.array([camera.x_mm, camera.y_mm, camera.height_mm])
+    light = border.light(origin_mm, rays, 1.0 / (RAYS_PER_PIXEL * camera.lens.focal_px))
+    off_axis_cos = np.tensordot(camera.axes()[2], rays, axes=1)
+    light *= EXPOSURE * off_axis_cos**VIGNETTING_POWER
+    return light
+
+
+def _pixels(light: FloatArray) -> FloatArray:
+    """Return the mean of the blurred rays of each pixel, without those of the margin."""
+    sigma = BLUR_PX * RAYS_PER_PIXEL
+    reach = round(4.0 * sigma)
+    blur = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / sigma))
+    weights = np.convolve(blur / blur.sum(), np.full(RAYS_PER_PIXEL, 1.0 / RAYS_PER_PIXEL))
+    for _ in range(2):  # rows, then columns
+        pixels = len(light) // RAYS_PER_PIXEL - 2 * BLUR_MARGIN_PX
+        seen = np.zeros((pixels, light.shape[1]))
+        for first, weight in enumerate(weights, BLUR_MARGIN_PX * RAYS_PER_PIXEL - reach):
+            rays = light[first : first + pixels * RAYS_PER_PIXEL : RAYS_PER_PIXEL]
+            seen += weight * rays
+        light = np.ascontiguousarray(seen.T)
+    return light

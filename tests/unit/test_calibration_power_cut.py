@@ -212,27 +212,40 @@ def killed_at(k: int, directory: Path, work: Callable[[Path], object]) -> Cut:
     return Cut(not killed, disk)
 
 
-def states_after_cuts(
-    tmp_path: Path, prepare: Callable[[Path], object], work: Callable[[Path], object]
-) -> Iterator[Path]:
-    """Yield the calibration file in every state that a cut at every step may leave."""
-    number = itertools.count()
-    for k in range(1, MORE_THAN_ENOUGH):
-        directory = tmp_path / f"cut {k}"
-        directory.mkdir()
-        prepare(directory / NAME)
-        cut = killed_at(k, directory, work)
-        yield directory / NAME
-        for state in cut.disk.after_power_cut():
-            found = tmp_path / f"state {next(number)}"
+@dataclass(frozen=True)
+class Cuts:
+    """In which states cuts at every step leave a directory: each of them once."""
+
+    states: tuple[dict[str, bytes], ...]
+    uncut: dict[str, bytes]
+
+    def everywhere(self, tmp_path: Path) -> Iterator[Path]:
+        """Yield the calibration file in every state, at last in that without any cut."""
+        for number, state in enumerate((*self.states, self.uncut)):
+            found = tmp_path / f"state {number}"
             found.mkdir()
             for name, content in state.items():
                 (found / name).write_bytes(content)
             yield found / NAME
-            shutil.rmtree(found)
+
+
+def cuts_of(
+    directory: Path, before: Callable[[Path], object], work: Callable[[Path], object]
+) -> Cuts:
+    """Cut `work` off at every step, each time after what was there before it."""
+    prepared = directory / "prepared"
+    prepared.mkdir(parents=True)
+    before(prepared / NAME)
+    states: list[dict[str, bytes]] = []
+    for k in range(1, MORE_THAN_ENOUGH):
+        copied = directory / f"cut {k}"
+        shutil.copytree(prepared, copied)
+        cut = killed_at(k, copied, work)
+        states += [cut.disk.without_power_cut(), *cut.disk.after_power_cut()]
         if cut.finished:
             assert k > 4
-            return
+            distinct = {tuple(sorted(state.items())): state for state in states}
+            return Cuts(tuple(distinct.values()), cut.disk.without_power_cut())
     raise AssertionError("it never comes to an end")
 
 
@@ -249,9 +262,14 @@ def save_twice(path: Path) -> None:
     save("2")(path)
 
 
+@pytest.fixture(scope="module")
+def rollback_cuts(tmp_path_factory: pytest.TempPathFactory) -> Cuts:
+    return cuts_of(tmp_path_factory.mktemp("rollback"), save_twice, rollback_calibration)
+
+
 def test_the_first_save_leaves_nothing_or_all_of_it(tmp_path: Path) -> None:
     found = []
-    for path in states_after_cuts(tmp_path, void, save("1")):
+    for path in cuts_of(tmp_path / "cuts", void, save("1")).everywhere(tmp_path):
         found.append(in_force(path) if path.exists() else "none")
         save("2")(path)
         assert in_force(path) == "2"
@@ -261,7 +279,7 @@ def test_the_first_save_leaves_nothing_or_all_of_it(tmp_path: Path) -> None:
 
 def test_saving_over_another_leaves_the_old_or_the_new_one(tmp_path: Path) -> None:
     found = []
-    for path in states_after_cuts(tmp_path, save_twice, save("3")):
+    for path in cuts_of(tmp_path / "cuts", save_twice, save("3")).everywhere(tmp_path):
         found.append(in_force(path))
         if found[-1] == "3":
             assert rollback_calibration(path).software == "2"
@@ -269,9 +287,9 @@ def test_saving_over_another_leaves_the_old_or_the_new_one(tmp_path: Path) -> No
     assert found[-1] == "3"
 
 
-def test_a_rollback_loses_neither_of_the_two(tmp_path: Path) -> None:
+def test_a_rollback_loses_neither_of_the_two(rollback_cuts: Cuts, tmp_path: Path) -> None:
     found = []
-    for path in states_after_cuts(tmp_path, save_twice, rollback_calibration):
+    for path in rollback_cuts.everywhere(tmp_path):
         found.append(in_force(path))
         other = rollback_calibration(path).software
         assert {found[-1], other} == {"1", "2"}
@@ -280,15 +298,17 @@ def test_a_rollback_loses_neither_of_the_two(tmp_path: Path) -> None:
     assert found[-1] == "1"
 
 
-def test_a_save_after_a_rollback_that_was_cut_off_keeps_what_was_in_force(tmp_path: Path) -> None:
-    for path in states_after_cuts(tmp_path, save_twice, rollback_calibration):
+def test_a_save_after_a_rollback_that_was_cut_off_keeps_what_was_in_force(
+    rollback_cuts: Cuts, tmp_path: Path
+) -> None:
+    for path in rollback_cuts.everywhere(tmp_path):
         before = in_force(path)
         save("3")(path)
         assert rollback_calibration(path).software == before
 
 
-def test_what_a_crash_left_is_gone_after_the_next_save(tmp_path: Path) -> None:
-    for path in states_after_cuts(tmp_path, save_twice, rollback_calibration):
+def test_what_a_crash_left_is_gone_after_the_next_save(rollback_cuts: Cuts, tmp_path: Path) -> None:
+    for path in rollback_cuts.everywhere(tmp_path):
         save("3")(path)
         assert sorted(p.name for p in path.parent.iterdir()) == [NAME, f"{NAME}.previous"]
 

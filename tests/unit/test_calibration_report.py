@@ -15,7 +15,7 @@ from cornertouchd.calibration.error_map import ErrorMap, map_from_line_sigmas
 from cornertouchd.calibration.error_picture import draw_error_map
 from cornertouchd.calibration.fitted import Fitted
 from cornertouchd.calibration.gathering import ReferenceTouches
-from cornertouchd.calibration.joint_fit import TouchColumns
+from cornertouchd.calibration.touch_columns import TouchColumns
 from cornertouchd.cli.calibration_report import (
     MOST_TAPS,
     calibration_report,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recorded import recorded
 from scipy.ndimage import gaussian_filter
 
-from cornertouchd.devices.recording import open_recording
 from cornertouchd.guiding.checking import CameraCheck, Finding, check_camera
 from cornertouchd.model import FloatArray, Picture
 from cornertouchd.simulation.noise import BLACK
@@ -39,15 +39,6 @@ def check(pictures: Picture, dark: Picture | None = None) -> CameraCheck:
 def only(checked: CameraCheck) -> Finding:
     (finding,) = checked.findings
     return finding
-
-
-def recorded(directory: Path, sets: range) -> dict[str, Picture]:
-    seen: dict[str, list[Picture]] = {}
-    for number, frames in enumerate(open_recording(directory)):
-        if number in sets:
-            for frame in frames:
-                seen.setdefault(frame.camera, []).append(frame.pixels.copy())
-    return {camera: np.array(stack) for camera, stack in seen.items()}
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,8 @@ import pytest
 from oracle.nearest_point import nearest_point_to_lines
 
 from cornertouchd.calibration.error_map import ErrorMap, map_from_covariance, map_from_line_sigmas
-from cornertouchd.calibration.joint_fit import (
-    EDGE_SIGMA_PX,
-    SHAPE_SIGMA_MM,
-    StartingPoint,
-    TouchColumns,
-    fit_jointly,
-)
+from cornertouchd.calibration.joint_fit import StartingPoint, fit_jointly
+from cornertouchd.calibration.touch_columns import EDGE_SIGMA_PX, SHAPE_SIGMA_MM, TouchColumns
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.model import FloatArray
 

@@ -12,8 +12,8 @@ from cornertouchd.calibration.calibration import METHODS, Method
 from cornertouchd.calibration.error_map import places_mm
 from cornertouchd.calibration.fitted import line_sigma_mm, rms
 from cornertouchd.calibration.gathering import ReferenceTouches
-from cornertouchd.calibration.joint_fit import EDGE_SIGMA_PX, SHAPE_SIGMA_MM, TouchColumns
 from cornertouchd.calibration.methods import Stamp, fit, make_calibration
+from cornertouchd.calibration.touch_columns import EDGE_SIGMA_PX, SHAPE_SIGMA_MM, TouchColumns
 from cornertouchd.geometry import nearest_points_to_lines
 from cornertouchd.model import FloatArray, PictureFormat
 from cornertouchd.simulation.boards import BoardPose, board_poses

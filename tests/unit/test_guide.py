@@ -1,6 +1,8 @@
 """A guided calibration on the simulated rig, with people who do not always do as they are told."""
 
+import itertools
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from cornertouchd.calibration.calibration import CalibrationError, Method
 from cornertouchd.calibration.methods import Stamp, make_calibration
 from cornertouchd.config import Settings, VisionSettings
+from cornertouchd.guiding.empty_surface import EmptyLearner, EmptySurface
 from cornertouchd.guiding.finger_watch import FingerWatch
 from cornertouchd.guiding.guide import CheckCameras, Done, Plan, TapTargets
 from cornertouchd.guiding.progress import TapStore
@@ -29,6 +32,16 @@ def simulated() -> SimulatedRig:
     return SimulatedRig(SURFACE_MM, seed=3)
 
 
+@cache
+def empty_surface(simulated: SimulatedRig) -> EmptySurface:
+    """What every session learns at first, learned once."""
+    learner = EmptyLearner(VisionSettings())
+    pictures = itertools.count()
+    while (learned := learner.feed(simulated.frame_set(next(pictures), 0.0, ()))) is None:
+        pass
+    return learned
+
+
 @pytest.fixture
 def store(simulated: SimulatedRig, tmp_path: Path) -> TapStore:
     return TapStore(tmp_path / "taps", SURFACE_MM, simulated.formats)
@@ -44,6 +57,7 @@ class Session:
         plan = Plan(
             method, SURFACE_MM, simulated.formats, self.targets, 0.5, VisionSettings(), store
         )  # fmt: skip
+        self._plan = plan
         self.step: Step = CheckCameras(plan)
         self.result: Result | None = None
         self._simulated = simulated
@@ -85,6 +99,13 @@ class Session:
 
     def to_the_taps(self) -> None:
         self.until("taps", self.see)
+
+    def begin_with_taps(self) -> None:
+        """Go on as if the cameras had been checked and the empty surface learned."""
+        self._pictures += 100
+        step = TapTargets(self._plan, empty_surface(self._simulated), ()).next_step()
+        assert not isinstance(step, Result)
+        self.step = step
 
     def tap(self, off_mm: tuple[float, float] = (0.0, 0.0), for_s: float = 0.4) -> None:
         """Tap beside the marked place by so much, and lift."""
@@ -144,7 +165,7 @@ def test_one_who_misses_taps_too_fast_and_pauses_is_told(
     simulated: SimulatedRig, store: TapStore
 ) -> None:
     session = Session(simulated, store)
-    session.to_the_taps()
+    session.begin_with_taps()
     session.tap(off_mm=(140.0, 120.0))
     assert "mm off: tap the marked place" in session.step.status.hint
     assert session.step.status.number == 1
@@ -162,7 +183,7 @@ def test_one_who_misses_taps_too_fast_and_pauses_is_told(
 
 def test_a_tap_beside_its_place_is_repeated_alone(simulated: SimulatedRig, store: TapStore) -> None:
     session = Session(simulated, store)
-    session.to_the_taps()
+    session.begin_with_taps()
     for number in range(16):
         session.tap(off_mm=(15.0, -10.0) if number == 6 else (0.0, 0.0))
     assert session.step.status.number == 7
@@ -174,11 +195,11 @@ def test_a_tap_beside_its_place_is_repeated_alone(simulated: SimulatedRig, store
 
 def test_taps_outlive_an_interruption(simulated: SimulatedRig, store: TapStore) -> None:
     session = Session(simulated, store)
-    session.to_the_taps()
+    session.begin_with_taps()
     for _ in range(5):
         session.tap()
     again = Session(simulated, store)
-    again.to_the_taps()
+    again.begin_with_taps()
     assert again.step.status.number == 6
     assert "5 taps are kept from before" in again.step.status.hint
     for _ in range(11):
@@ -212,7 +233,7 @@ def test_taps_that_fit_nothing_are_all_asked_for_again(
     simulated: SimulatedRig, store: TapStore
 ) -> None:
     session = Session(simulated, store)
-    session.to_the_taps()
+    session.begin_with_taps()
     rng = np.random.default_rng(2)
     for _ in range(30):
         session.tap(off_mm=tuple(rng.uniform(-20.0, 20.0, 2)))
@@ -226,7 +247,7 @@ def test_taps_that_fit_nothing_are_all_asked_for_again(
 
 def test_four_taps_and_a_scribble_will_do(simulated: SimulatedRig, store: TapStore) -> None:
     session = Session(simulated, store, side=2)
-    session.to_the_taps()
+    session.begin_with_taps()
     for _ in range(4):
         session.tap()
     session.to_the_end(session.scribble)
@@ -237,7 +258,7 @@ def test_an_error_that_tapping_cannot_mend_leaves_the_taps(
     simulated: SimulatedRig, store: TapStore
 ) -> None:
     session = Session(simulated, store, side=2, method="vanishing-point")
-    session.to_the_taps()
+    session.begin_with_taps()
     for _ in range(3):
         session.tap()
     with pytest.raises(CalibrationError, match="5 are needed"):
@@ -249,7 +270,7 @@ def test_taps_that_a_scribble_contradicts_are_asked_for_again(
     simulated: SimulatedRig, store: TapStore
 ) -> None:
     session = Session(simulated, store, side=3)
-    session.to_the_taps()
+    session.begin_with_taps()
     rng = np.random.default_rng(4)
     while session.step.status.step != "scribble":
         session.tap(off_mm=tuple(rng.uniform(-25.0, 25.0, 2)))
@@ -262,7 +283,7 @@ def test_a_scribble_that_two_cameras_see_does_not_count(
     simulated: SimulatedRig, store: TapStore
 ) -> None:
     session = Session(simulated, store)
-    session.to_the_taps()
+    session.begin_with_taps()
     for _ in range(16):
         session.tap()
     before = session.step.status.progress  # the last tap may be held a moment longer
@@ -280,7 +301,7 @@ def test_one_picture_without_the_finger_is_no_lift(
     simulated: SimulatedRig, store: TapStore
 ) -> None:
     session = Session(simulated, store)
-    session.to_the_taps()
+    session.begin_with_taps()
     x_mm, y_mm = session.targets[0].tolist()
     session.see(Finger(x_mm, y_mm), for_s=0.4)
     assert session.step.status.number == 2
@@ -304,7 +325,7 @@ def test_a_place_that_is_hidden_three_times_is_left_out(
     simulated: SimulatedRig, store: TapStore
 ) -> None:
     session = Session(simulated, store)
-    session.to_the_taps()
+    session.begin_with_taps()
     x_mm, y_mm = session.targets[0].tolist()
     empty = simulated.frame_set(10_000, 0.0, ())
     for attempt in range(3):

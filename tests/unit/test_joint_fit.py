@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given as whatever
+from hypothesis import strategies as st
 from oracle.nearest_point import nearest_point_to_lines
 
-from cornertouchd.calibration.joint_fit import JointFit, StartingPoint, TouchColumns, fit_jointly
+from cornertouchd.calibration.joint_fit import ROBUST, JointFit, StartingPoint, fit_jointly
+from cornertouchd.calibration.touch_columns import TouchColumns
+from cornertouchd.calibration.touch_residuals import TouchModel
 from cornertouchd.model import FloatArray
 
 WIDTH_PX = 640.0
@@ -93,3 +97,41 @@ def test_a_touch_that_a_camera_did_not_see_leaves_a_gap() -> None:
     assert np.isnan(fit.residuals_mm[3, 10:20]).all()
     assert not fit.used[3, 10:20].any()
     assert np.percentile(errors_mm(fit), 95) < 0.25
+
+
+@whatever(st.integers(0, 2**32 - 1), st.floats(0.05, 2.0), st.integers(0, 12))
+def test_slopes_are_those_of_a_small_step(seed: int, tap_sigma_mm: float, unseen: int) -> None:
+    """Wherever the cameras are and go; places that are not known move with all of them."""
+    rng = np.random.default_rng(seed)
+    given = touches(scribble=12)
+    given.diameters_mm[rng.integers(0, 16, 4)] = np.nan
+    given.columns_px[rng.integers(0, 4, unseen), rng.integers(0, 28, unseen)] = np.nan
+    used = given.seen & (rng.random(given.seen.shape) < 0.9)
+    used[:, used.sum(axis=0) < 2] = False
+    px_rad = START.angles_rad[:, 1] / (WIDTH_PX / 2)
+    model = TouchModel(given, START.widths_px, px_rad, 7, tap_sigma_mm)
+    cameras = np.hstack([START.positions_mm, START.angles_rad, np.zeros((4, 6))])
+    spread = np.array([4.0, 4.0, 0.05, 0.05, *[0.02] * 6])  # millimetres, radians
+    cameras += rng.normal(0.0, spread, cameras.shape)
+    step = 1e-5 * rng.normal(0.0, spread, cameras.shape)
+
+    slopes = model.slopes(cameras, used)
+    before, after = model.residuals(cameras - step, used), model.residuals(cameras + step, used)
+    for slope, low, high in (
+        (slopes.distances, before.distances, after.distances),
+        (slopes.widths, before.widths, after.widths),
+    ):
+        parts = slope[used] * step
+        largest = np.abs(np.nan_to_num(parts)).max()
+        expected = ((high - low) / 2.0)[used]
+        assert parts.sum(axis=(1, 2)) == pytest.approx(
+            expected, rel=1e-4, abs=1e-5 * largest, nan_ok=True
+        )
+
+
+@whatever(st.floats(-1e3, 1e3))
+def test_the_robust_loss_has_its_slope(sigmas: float) -> None:
+    step = 1e-4 * max(1.0, abs(sigmas))
+    low, high = (ROBUST.value(np.array([sigmas + by]))[0] for by in (-step, step))
+    slope = ROBUST.slope(np.array([sigmas]))[0]
+    assert slope == pytest.approx((high - low) / (2.0 * step), rel=1e-4)

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded import recorded
 
 from cornertouchd.config import PaperVisionSettings, VisionSettings
-from cornertouchd.devices.recording import open_recording
 from cornertouchd.guiding.light_statistics import (
     FINGER_SHARE,
     LightStatistics,
@@ -40,15 +40,6 @@ def dimmed(pictures: Picture, columns: slice, share: float) -> Picture:
     changed = pictures.astype(np.float64)
     changed[:, :, columns] = 3 + share * (changed[:, :, columns] - 3)
     return changed.astype(np.uint8)
-
-
-def recorded(directory: Path, sets: range) -> dict[str, Picture]:
-    seen: dict[str, list[Picture]] = {}
-    for number, frames in enumerate(open_recording(directory)):
-        if number in sets:
-            for frame in frames:
-                seen.setdefault(frame.camera, []).append(frame.pixels.copy())
-    return {camera: np.array(stack) for camera, stack in seen.items()}
 
 
 def test_brightness_stays_between_minimum_and_maximum() -> None:

@@ -7,9 +7,9 @@ import pytest
 
 from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.gathering import ReferenceTouches
-from cornertouchd.calibration.joint_fit import TouchColumns
 from cornertouchd.calibration.lookup import fit_lookup_tables
 from cornertouchd.calibration.methods import fit
+from cornertouchd.calibration.touch_columns import TouchColumns
 from cornertouchd.locating.lookup_table import LookupTable
 from cornertouchd.model import FloatArray, PictureFormat
 

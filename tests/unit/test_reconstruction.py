@@ -14,9 +14,9 @@ from cornertouchd.calibration.board_sights import BoardSight, find_boards
 from cornertouchd.calibration.boards import BoardPlan
 from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.gathering import ReferenceTouches, Taps, gather_touches
-from cornertouchd.calibration.joint_fit import TouchColumns
 from cornertouchd.calibration.lenses import fit_lens, undistorted
 from cornertouchd.calibration.reconstruction import fit_reconstruction
+from cornertouchd.calibration.touch_columns import TouchColumns
 from cornertouchd.config import VisionSettings
 from cornertouchd.locating.reconstruction import BoardLens, Reconstruction
 from cornertouchd.model import FloatArray, PictureFormat
