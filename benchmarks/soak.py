@@ -4,6 +4,8 @@
 
 A process does what `cornertouchd demo` does; beside the datagrams it tells at which instant of the
 script the pictures of each frame were taken, so that the client can look up where the fingers were.
+The process that paints the pictures notes when it was too late with them: an instant that two
+cameras or more were not given in time is counted as never delivered; the daemon did not miss it.
 
 Ends with status 1 unless, after the first second, no frame set is missed, no touch is farther than
 8 mm from every finger (a ghost), no finger's touch changes its id, and the memory of the daemon
@@ -18,10 +20,12 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Event
 
 import numpy as np
+from late_pictures import Lateness, make_timed_show
 from process_watch import ProcessWatch
 from scenes import matched
 
@@ -33,10 +37,12 @@ from cornertouchd.config import (
     TuioSettings,
 )
 from cornertouchd.model import FloatArray, TouchFrame
-from cornertouchd.runtime.assembly import find_calibration, make_ports, make_tuio_sink
+from cornertouchd.runtime.assembly import find_calibration, make_tuio_sink
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.daemon import Daemon
-from cornertouchd.simulation.show import make_show
+from cornertouchd.simulation.camera import painted_ports
+from cornertouchd.simulation.painting import PaintingProcess
+from cornertouchd.simulation.show import make_rig, make_show
 from cornertouchd.wire.tuio import Cursor
 from cornertouchd.wire.tuio_reader import TuioReader
 
@@ -91,11 +97,16 @@ class Stamps:
         """Do nothing."""
 
 
-def serve(settings: Settings, out: Connection, stop: Event) -> None:
+def serve(settings: Settings, lateness: Lateness, out: Connection, stop: Event) -> None:
     """Do what the demo does until `stop`; tell first when the script began, at last the counts."""
     clock, parent = MonotonicClock(), os.getppid()
     calibration = find_calibration(settings, os.environ)
-    ports = make_ports(settings, clock)
+    formats = make_rig(settings).formats
+    painting = PaintingProcess(partial(make_timed_show, settings, lateness), formats)
+    paints = {camera: painting.painter(camera) for camera in formats}
+    name = f"simulated rig seed {settings.simulation.seed}"
+    ports = painted_ports(formats, paints, clock, RATE_HZ, rig_name=name)
+    lateness.begin(ports[0].captured_at_s(0))
     sinks = [make_tuio_sink(settings, calibration.surface_mm, "soak"), Stamps(out)]
     daemon = Daemon(ports, calibration, sinks, settings, clock)
     out.send(ports[0].captured_at_s(0))
@@ -141,6 +152,7 @@ class Findings:
 
     frames: int = 0
     missed: int = 0
+    not_delivered: int = 0
     touches: int = 0
     ghosts: int = 0
     switches: int = 0
@@ -153,8 +165,9 @@ class Findings:
 class Judge:
     """Compares what is told with the truth, frame by frame."""
 
-    def __init__(self, truth: Truth, began_at_s: float) -> None:
+    def __init__(self, truth: Truth, lateness: Lateness, began_at_s: float) -> None:
         self._truth = truth
+        self._lateness = lateness
         self._began_at_s = began_at_s
         self._last_index: int | None = None
         self._ids: dict[int, int] = {}
@@ -166,7 +179,10 @@ class Judge:
         found = self.findings
         index = round((told.captured_at_s - self._began_at_s) * RATE_HZ)
         if self._last_index is not None:
-            found.missed += index - self._last_index - 1
+            for lacking in range(self._last_index + 1, index):
+                delivered = self._lateness.was_delivered(lacking)
+                found.missed += delivered
+                found.not_delivered += not delivered
         self._last_index = index
         fingers = self._truth.fingers_at(index)
         keys, places = list(fingers), np.array(list(fingers.values())).reshape(-1, 2)
@@ -246,13 +262,17 @@ def _next_frame(receiver: socket.socket, reader: TuioReader) -> tuple[Cursor, ..
 
 
 def soak(
-    options: argparse.Namespace, receiver: socket.socket, stamps: Connection, watch: ProcessWatch
+    options: argparse.Namespace,
+    receiver: socket.socket,
+    lateness: Lateness,
+    stamps: Connection,
+    watch: ProcessWatch,
 ) -> Findings:
     """Watch the demo for as long as is asked; print how it goes once a minute."""
     truth = Truth(options.touches, options.seed)
     if not stamps.poll(PATIENCE_S):
         raise SystemExit(f"the daemon has not started within {PATIENCE_S:g} s")
-    judge = Judge(truth, stamps.recv())
+    judge = Judge(truth, lateness, stamps.recv())
     first_s = tell_at_s = None
     for told in frames_told(receiver, stamps, truth.surface_mm, options.seconds):
         first_s = first_s or told.captured_at_s
@@ -289,7 +309,8 @@ def violations(found: Findings, watch: ProcessWatch) -> list[str]:
 def report(found: Findings, watch: ProcessWatch, counts: str) -> None:
     errors, delays = np.array(found.errors_mm), np.array(found.delays_ms)
     print(
-        f"{found.frames} frames after the first second, {found.missed} missed; in all {counts}\n"
+        f"{found.frames} frames after the first second, {found.missed} missed and "
+        f"{found.not_delivered} that the simulation never delivered; in all {counts}\n"
         f"{found.touches} touches told, {found.ghosts} ghosts, {found.switches} id switches; "
         f"{found.not_told} of {found.due} touches due were not told\n"
         f"error RMS {np.sqrt(np.mean(errors**2)):.2f} mm, p95 {np.percentile(errors, 95):.2f} mm, "
@@ -325,12 +346,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         receiver.bind(("127.0.0.1", 0))
         receiver.settimeout(PATIENCE_S)
         settings = settings_of(options.touches, options.seed, receiver.getsockname()[1])
-        daemon = context.Process(target=serve, args=(settings, theirs, stop))
+        lateness = Lateness(tuple(make_rig(settings).formats), RATE_HZ)
+        daemon = context.Process(target=serve, args=(settings, lateness, theirs, stop))
         daemon.start()
         theirs.close()
         watch = ProcessWatch(daemon.pid or 0)
         try:
-            found = soak(options, receiver, stamps, watch)
+            found = soak(options, receiver, lateness, stamps, watch)
         except EOFError:
             raise SystemExit("the daemon has ended; what it said stands above") from None
         finally:

@@ -2,6 +2,7 @@
 
     python benchmarks/tracking.py [--sequences 5] [--seconds 2.5] [--seed 100] [--speed 150]
                                   [--contacts 5 10 15 20] [--frame 350x400]
+                                  [--moves wander]
 
 Fingers wander smoothly with 150 mm/s (350x400) or 500 mm/s (2400x1350) in each direction, seen 100
 times a second; they avoid each other, lift after some seconds and land elsewhere.  What cameras
@@ -9,6 +10,9 @@ measure of them is that of the other benchmarks (scenes.py).  The first 50 ms do
 switch is a finger that goes on under another id than when it was matched last; latency is from
 landing to the first report.  A touch that is not seen rests for two more frame sets, which count as
 ghosts when the finger has lifted; "tracked, no coasting" is without that.
+
+With `--moves row` three fingers move as one, in a row at 1.03 to 1.2 diameters; with `--moves
+pinch` two come to touch each other and part, again and again.  The others rest.
 """
 
 import argparse
@@ -18,10 +22,11 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-from scenes import LARGE, MARGIN_MM, RADII_MM, SMALL, Rig, matched, observed, random_discs
+from scenes import LARGE, MARGIN_MM, RADII_MM, SMALL, Rig, matched, observed, random_discs, row
 
 from cornertouchd.config import CrossingSettings, TrackingSettings
 from cornertouchd.fusion.crossing import make_crossing
+from cornertouchd.fusion.denial import Darkness
 from cornertouchd.fusion.tracking import Tracker
 from cornertouchd.model import BoolArray, DirectingLines, FloatArray
 
@@ -40,6 +45,8 @@ LIVES_S = 3.0
 SHORTEST_LIFE_S = 0.3
 LIFTED_S = (0.05, 0.4)
 NEAREST_NEIGHBOUR_MM = 25.0
+# A pinch opens so far; its fingers are drawn as far inside.
+PINCHED_FROM_MM = 60.0
 SPEEDS_MM_S = {SMALL.name: 150.0, LARGE.name: 500.0}
 
 Report = tuple[int, float, float]
@@ -120,6 +127,55 @@ class Fingers:
         self._names[finger] = self._names.max() + 1
 
 
+class Row:
+    """Three fingers in a row that touch each other nearly, and move as one hand does."""
+
+    def __init__(self, rig: Rig, count: int, speed_mm_s: float, rng: np.random.Generator) -> None:
+        self._discs = row(rig, count, rng)
+        self._far = np.asarray(rig.surface_mm) - MARGIN_MM
+        self._velocity = rng.normal(0.0, speed_mm_s, 2)
+
+    def move(self) -> tuple[list[int], FloatArray]:
+        """Go on by a period; return the names and discs (x, y, r) of the fingers."""
+        hand = self._discs[:3, :2] + PERIOD_S * self._velocity
+        outside = np.any((hand < MARGIN_MM) | (hand > self._far), axis=0)
+        self._velocity = np.where(outside, -self._velocity, self._velocity)
+        self._discs[:3, :2] += PERIOD_S * self._velocity
+        return list(range(len(self._discs))), self._discs.copy()
+
+
+class Pinch:
+    """Two fingers that come to touch each other and part again, amid others that rest."""
+
+    def __init__(self, rig: Rig, count: int, speed_mm_s: float, rng: np.random.Generator) -> None:
+        self._discs = random_discs(rig, count, rng)
+        middle = rng.uniform(PINCHED_FROM_MM, np.asarray(rig.surface_mm) - PINCHED_FROM_MM)
+        angle_rad = rng.uniform(0.0, np.pi)
+        self._along = np.array([np.cos(angle_rad), np.sin(angle_rad)])
+        self._middle = middle
+        self._discs[:2, 2] = rng.uniform(*RADII_MM)
+        self._touching_mm = float(self._discs[:2, 2].sum())
+        self._period_s = np.pi * PINCHED_FROM_MM / speed_mm_s
+        self._now_s = 0.0
+
+    def move(self) -> tuple[list[int], FloatArray]:
+        """Go on by a period; return the names and discs (x, y, r) of the fingers."""
+        self._now_s += PERIOD_S
+        open_share = 0.5 + 0.5 * np.cos(2.0 * np.pi * self._now_s / self._period_s)
+        apart_mm = self._touching_mm + open_share * PINCHED_FROM_MM
+        self._discs[0, :2] = self._middle - 0.5 * apart_mm * self._along
+        self._discs[1, :2] = self._middle + 0.5 * apart_mm * self._along
+        return list(range(len(self._discs))), self._discs.copy()
+
+
+Moving = Fingers | Row | Pinch
+MOVES: dict[str, Callable[[Rig, int, float, np.random.Generator], Moving]] = {
+    "wander": Fingers,
+    "row": Row,
+    "pinch": Pinch,
+}
+
+
 class SingleFrames:
     """Every frame set for itself; ids go to the nearest contact of the next one."""
 
@@ -159,7 +215,8 @@ class Tracked:
         predicted = time.perf_counter()
         crossed = self._crossing.cross(lines, predictions)
         found = time.perf_counter()
-        touches = self._tracker.update(now_s, crossed)
+        hides = Darkness(lines, ()).hides
+        touches = self._tracker.update(now_s, crossed, hides=hides)
         self.tracking_us = 1e6 * (time.perf_counter() - found + predicted - started)
         return [(touch.id, touch.x_mm, touch.y_mm) for touch in touches]
 
@@ -221,19 +278,28 @@ COLUMNS = [
 
 
 def measure(
-    rig: Rig, method: str, count: int, sequences: int, frames: int, speed_mm_s: float, seed: int
+    rig: Rig,
+    moves: str,
+    method: str,
+    count: int,
+    sequences: int,
+    frames: int,
+    speed_mm_s: float,
+    seed: int,
 ) -> Score:
     """Follow fingers through so many sequences, the same ones for each method."""
     score = Score()
     for number in range(sequences):
         rng = np.random.default_rng(seed + number)
-        _follow(rig, Fingers(rig, count, speed_mm_s, rng), METHODS[method](rig), frames, rng, score)
+        _follow(
+            rig, MOVES[moves](rig, count, speed_mm_s, rng), METHODS[method](rig), frames, rng, score
+        )
     return score
 
 
 def _follow(
     rig: Rig,
-    fingers: Fingers,
+    fingers: Moving,
     follower: SingleFrames | Tracked,
     frames: int,
     rng: np.random.Generator,
@@ -281,6 +347,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=2.5)
     parser.add_argument("--seed", type=int, default=100)
     parser.add_argument("--contacts", type=int, nargs="+", default=[5, 10, 15, 20])
+    parser.add_argument("--moves", choices=list(MOVES), default="wander")
     parser.add_argument("--frame", choices=[SMALL.name, LARGE.name])
     parser.add_argument("--speed", type=float, help="mm/s, instead of those above")
     options = parser.parse_args(arguments)
@@ -288,7 +355,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(f"| {' | '.join(COLUMNS)} |\n|{'---|' * len(COLUMNS)}")
     for rig, count, method in _cases(options.contacts, options.frame):
         speed = options.speed or SPEEDS_MM_S[rig.name]
-        score = measure(rig, method, count, options.sequences, frames, speed, options.seed)
+        score = measure(
+            rig, options.moves, method, count, options.sequences, frames, speed, options.seed
+        )
         print(f"| {rig.name} | {count} | {method} | {score.row()} |", flush=True)
 
 

@@ -7,23 +7,34 @@ from scipy.optimize import linear_sum_assignment
 
 from cornertouchd.compiling import compiled, inlined
 from cornertouchd.fusion.crossed import IntArray
+from cornertouchd.fusion.evidence import CONFIDENCE_WITHOUT_CONFIRMATION, may_be_hidden
 from cornertouchd.fusion.track_rows import (
     AT_X,
     AT_Y,
+    CONFIDENCE,
     CONTINUES,
     POSITION_VARIANCE,
     SIGMA,
     TOUCHES,
     X,
     Y,
+    is_palm,
+    is_reported,
 )
 from cornertouchd.model import BoolArray, FloatArray
 
 # Half a finger wide where the prediction is certain, so that a neighbour is never taken for it.
 NARROWEST_GATE_MM = 4.0
 GATE_SIGMAS = 3.0
+# Where a touch is that others are about to hide is not known as well as it seems: a clear contact
+# this much farther is more likely that finger than one that lands beside it.  A doubtful one is
+# more likely a ghost that the others make: it would lead the touch away.
+WIDER_GATE_OF_HIDDEN_MM = 4.0
+GATE_OF_DOUBTFUL_MM = 4.0
 LEAST_LARGEST_SIGMA_MM = 1.0
 OUT_OF_REACH = 1e12
+# Dearer than any distance: what is not reported yet gets what those that are leave.
+COST_OF_TENTATIVE = 1e6
 
 
 def largest_sigma_mm(gate_mm: float) -> float:
@@ -32,18 +43,37 @@ def largest_sigma_mm(gate_mm: float) -> float:
 
 
 @inlined
-def _cost(track: FloatArray, contact: FloatArray, gate_mm: float) -> float:
+def _is_tentative(track: FloatArray) -> bool:
+    """Whether the track may be a ghost: neither reported yet nor a palm."""
+    return not is_reported(track) and not is_palm(track)
+
+
+@inlined
+def _reach_mm(track: FloatArray, contact: FloatArray, gate_mm: float) -> float:
+    """Return how far from where the track is expected the contact may continue it."""
     sigma_mm = sqrt(track[POSITION_VARIANCE] + contact[SIGMA] ** 2)
-    reach_mm = min(gate_mm, NARROWEST_GATE_MM + GATE_SIGMAS * sigma_mm)
+    reach_mm = NARROWEST_GATE_MM + GATE_SIGMAS * sigma_mm
+    if may_be_hidden(track):
+        if contact[CONFIDENCE] < CONFIDENCE_WITHOUT_CONFIRMATION:
+            return min(gate_mm, GATE_OF_DOUBTFUL_MM)
+        reach_mm += WIDER_GATE_OF_HIDDEN_MM
+    return min(gate_mm, reach_mm)
+
+
+@inlined
+def _cost(track: FloatArray, contact: FloatArray, gate_mm: float) -> float:
     cost = (contact[AT_X] - track[X]) ** 2 + (contact[AT_Y] - track[Y]) ** 2
-    return float(cost) if cost <= reach_mm**2 else OUT_OF_REACH
+    if not cost <= _reach_mm(track, contact, gate_mm) ** 2:
+        return OUT_OF_REACH
+    return float(cost + COST_OF_TENTATIVE) if _is_tentative(track) else float(cost)
 
 
 @inlined
 def _claimed(tracks: FloatArray, contacts: FloatArray) -> tuple[IntArray, BoolArray]:
     """Return the partners of tracks (T,) that contacts continue, and which contacts are taken.
 
-    Those that touch nothing are taken, too.
+    Those that touch nothing are taken, too.  What continues a tentative track is not: it may be the
+    touch that went missing beside it.
     """
     partners = np.empty(len(tracks), np.int64)
     partners[:] = -1
@@ -53,6 +83,8 @@ def _claimed(tracks: FloatArray, contacts: FloatArray) -> tuple[IntArray, BoolAr
         continued = int(contacts[number, CONTINUES])
         if taken[number] or not 0 <= continued < len(tracks) or partners[continued] >= 0:
             contacts[number, CONTINUES] = -1.0
+            continue
+        if _is_tentative(tracks[continued]):
             continue
         partners[continued] = number
         taken[number] = True
@@ -68,6 +100,15 @@ def _without_partner(has_one: BoolArray) -> IntArray:
             numbers[count] = number
             count += 1
     return numbers[:count]
+
+
+@inlined
+def _forget_wrong_claims(partners: IntArray, contacts: FloatArray) -> None:
+    """Let contacts that continue another track than they say, or none, say nothing."""
+    for number in range(len(contacts)):
+        continued = int(contacts[number, CONTINUES])
+        if continued >= 0 and partners[continued] != number:
+            contacts[number, CONTINUES] = -1.0
 
 
 @compiled("Tuple((i8[::1], i8[::1], i8[::1], f8[:,::1]))(f8[:,::1], f8[:,::1], f8)")
@@ -96,22 +137,36 @@ def _sure_partners(
                 choice |= reached_by[column] > 1
         choice |= reached > 1
     if not choice:
+        _forget_wrong_claims(partners, contacts)
         return partners, free_tracks, free_contacts, np.empty((0, 0))
     for row in range(len(free_tracks)):
         partners[free_tracks[row]] = -1
     return partners, free_tracks, free_contacts, costs
 
 
+@compiled("void(i8[::1], i8[::1], i8[::1], f8[:,::1])")
+def _take_partners(
+    partners: IntArray, chosen_tracks: IntArray, chosen: IntArray, contacts: FloatArray
+) -> None:
+    """Give tracks the contacts that were chosen for them."""
+    for number in range(len(chosen)):
+        partners[chosen_tracks[number]] = chosen[number]
+    _forget_wrong_claims(partners, contacts)
+
+
 def assign(tracks: FloatArray, contacts: FloatArray, gate_mm: float) -> IntArray:
     """Return for each track the contact that continues it, or -1.
 
     A contact that says which prediction it continues is believed; whichever of the others may be
-    told apart only together are assigned by the Hungarian method, as many as possible at the least
-    sum of squared distances.  Columns `CONTINUES` of contacts that cannot be right become -1.
+    told apart only together are assigned by the Hungarian method, as many as possible, to touches
+    that are reported before others, at the least sum of squared distances.  Columns `CONTINUES` of
+    contacts that cannot be right become -1.
     """
     partners, free_tracks, free_contacts, costs = _sure_partners(tracks, contacts, gate_mm)
     if costs.size:
         rows, columns = linear_sum_assignment(costs)
         within = costs[rows, columns] < OUT_OF_REACH
-        partners[free_tracks[rows[within]]] = free_contacts[columns[within]]
+        _take_partners(
+            partners, free_tracks[rows[within]], free_contacts[columns[within]], contacts
+        )
     return partners

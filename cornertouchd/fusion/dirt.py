@@ -39,6 +39,9 @@ together only the other one tells where the finger is."""
 COVERED_PX = 3.0
 """A shadow as near as this may have swallowed the dirt's: the blur fills the gap between them."""
 
+JUMP_BACK_S = 1.0
+"""A recording that begins anew goes back by more; a driver that corrects a time by less."""
+
 LOOKS_TO_BE_GONE = 3
 """Looks in a row at a bright strip until a piece is believed to be gone."""
 
@@ -147,7 +150,7 @@ class _Strip:
 class DirtWatch:
     """Finds dirt and keeps it out of the way.  Owned by the fusion thread.
 
-    Goes by the times of the pictures alone; where they jump back, it begins anew.
+    Goes by the times of the pictures alone; where they jump back by a second, it begins anew.
     """
 
     def __init__(self, settings: DirtSettings, tables: Iterable[ColumnLines]) -> None:
@@ -194,7 +197,7 @@ class DirtWatch:
     def _look(self, seen: Observation, contacts: Sequence[Contact]) -> bool:
         """Look at what stands still, if it is time; tell whether the dirt has changed."""
         strip, now_s = self._strips[seen.camera], seen.captured_at_s
-        if strip.looked_at_s is None or now_s < strip.looked_at_s:
+        if strip.looked_at_s is None or now_s < strip.looked_at_s - JUMP_BACK_S:
             strip.pieces = []
             strip.looked_at_s = now_s - strip.ahead_s
         elif now_s - strip.looked_at_s < LOOK_EVERY_S:

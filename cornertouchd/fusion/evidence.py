@@ -14,13 +14,15 @@ from cornertouchd.fusion.track_rows import (
     FINGER_S,
     ID,
     IS_PALM,
+    LAST_SUPPORT,
     LOG_ODDS,
     MISSED,
     OWN_EDGES,
     PALM_RADIUS,
-    PALMS_IN_A_ROW,
+    REPORTED_AT_S,
     SEEN,
     SUPPORT,
+    TAKEN_FOR_PALM_S,
     UNSUPPORTED_S,
     X,
     Y,
@@ -41,15 +43,27 @@ MOST_DOUBTED = 0.1
 # Less than half of what one shadow edge is worth: then the touch's own past alone chose it.
 LEAST_SUPPORT = 2.0
 LONGEST_UNSUPPORTED_S = 0.5
+# What is told apart by less than this (one contact in forty, with ten fingers down) is about to
+# pass behind others.  While no camera sees light where it should be, it is waited for so many times
+# as long as another touch, once it has been seen for a tenth of a second: few ghosts are.
+SUPPORT_OF_HIDDEN = 12.0
+SIGHTS_OF_A_LASTING_TOUCH = 10.0
+PATIENCE_WITH_HIDDEN = 5.0
 # Three of four contacts of this confidence are real, and only one or two in a hundred, with ten
 # fingers down, have less: those wait to be confirmed, all others are reported at once.
 CONFIDENCE_WITHOUT_CONFIRMATION = 0.5
+# Three edges fit a disc that is not there, too: one birth in twenty waits to be seen again.
+EDGES_OF_A_CLEAR_BIRTH = 4.0
 # Where two cameras see two fingers, the two ghosts explain their shadows nearly as well as the
 # fingers do, frame after frame: being seen again proves nothing then.
 CAMERAS_THAT_CONFIRM = 3
 FRAMES_THAT_CONFIRM = 3.0
-# One frame set may take two fingers that meet for a palm.
-PALMS_THAT_LATCH = 2
+# Fingers that meet or pass each other may be taken for a palm, for as long as that takes; a hand
+# that lands looks like a finger at first.  So a touch is a palm when it has been taken for one for
+# a share of the time that it was a finger, within these limits; the least are two frame sets.
+SHARE_OF_FINGER_THAT_LATCHES = 0.2
+PALM_LATCHES_AFTER_S = 0.015
+PALM_LATCHES_BEFORE_S = 0.15
 # A hand that lifts looks like a finger for less than a fifth of a second.  What is one for longer
 # was no palm, or the hand has left a finger where it lay.
 FINGER_AGAIN_AFTER_S = 0.5
@@ -88,7 +102,8 @@ def start_believing(track: FloatArray, contact: FloatArray) -> None:
     track[ID] = 0.0
     track[LOG_ODDS] = LEAST_LOG_ODDS
     track[SEEN] = 1.0
-    track[MISSED] = track[UNSUPPORTED_S] = track[PALMS_IN_A_ROW] = track[FINGER_S] = 0.0
+    track[LAST_SUPPORT] = contact[SUPPORT]
+    track[MISSED] = track[UNSUPPORTED_S] = track[TAKEN_FOR_PALM_S] = track[FINGER_S] = 0.0
     track[PALM_RADIUS] = contact[AT_RADIUS] if contact[IS_PALM] > 0.0 else 0.0
 
 
@@ -114,7 +129,8 @@ def _stay_palm(track: FloatArray, contact: FloatArray, elapsed_s: float) -> None
 def believe(track: FloatArray, contact: FloatArray, elapsed_s: float) -> None:
     """Weigh what a contact tells about the touch that it continues."""
     track[SEEN] += 1.0
-    track[MISSED] = track[PALMS_IN_A_ROW] = 0.0
+    track[LAST_SUPPORT] = contact[SUPPORT]
+    track[MISSED] = track[TAKEN_FOR_PALM_S] = 0.0
     track[UNSUPPORTED_S] = 0.0 if _is_supported(contact) else track[UNSUPPORTED_S] + elapsed_s
     if is_palm(track):
         _stay_palm(track, contact, elapsed_s)
@@ -128,19 +144,46 @@ def believe(track: FloatArray, contact: FloatArray, elapsed_s: float) -> None:
 
 
 @inlined
-def miss(track: FloatArray) -> None:
-    """Weigh that no contact continues the touch."""
-    track[MISSED] += 1.0
+def may_be_hidden(track: FloatArray) -> bool:
+    """Whether so little told the touch apart when it was seen last that others may hide it now."""
+    return bool(
+        is_reported(track)
+        and track[LAST_SUPPORT] < SUPPORT_OF_HIDDEN
+        and track[SEEN] >= SIGHTS_OF_A_LASTING_TOUCH
+    )
+
+
+@inlined
+def is_missed_where_hidden(track: FloatArray) -> bool:
+    """Whether the touch is missing since others may hide it."""
+    return bool(track[MISSED] > 0.0 and track[LAST_SUPPORT] < SUPPORT_OF_HIDDEN)
+
+
+@inlined
+def miss(track: FloatArray, periods: float) -> None:
+    """Weigh that no contact continues the touch, for so many periods of the cameras."""
+    track[MISSED] += periods
     _doubt(track, MOST_DOUBTED)
 
 
 @inlined
-def is_taken_for_palm(track: FloatArray, contact: FloatArray) -> bool:
-    """Whether what was a finger so far looks like a palm; once it has done so often, it is one."""
+def is_taken_for_palm(
+    track: FloatArray, contact: FloatArray, now_s: float, elapsed_s: float
+) -> bool:
+    """Whether what was a finger so far looks like a palm; once it has done so for long, it is one.
+
+    Until then it rests.
+    """
     if contact[IS_PALM] == 0.0 or is_palm(track):
         return False
-    track[PALMS_IN_A_ROW] += 1.0
-    if is_reported(track) and track[PALMS_IN_A_ROW] < PALMS_THAT_LATCH:
+    track[TAKEN_FOR_PALM_S] += elapsed_s
+    finger_s = now_s - track[REPORTED_AT_S] - track[TAKEN_FOR_PALM_S]
+    latches_after_s = min(
+        max(SHARE_OF_FINGER_THAT_LATCHES * finger_s, PALM_LATCHES_AFTER_S), PALM_LATCHES_BEFORE_S
+    )
+    if is_reported(track) and track[TAKEN_FOR_PALM_S] < latches_after_s:
+        track[MISSED] = 0.0
+        _doubt(track, MOST_DOUBTED)
         return True
     track[ID] = 0.0
     track[PALM_RADIUS] = contact[AT_RADIUS]
@@ -148,9 +191,11 @@ def is_taken_for_palm(track: FloatArray, contact: FloatArray) -> bool:
 
 
 @inlined
-def goes_on(track: FloatArray, coast_frames: float) -> bool:
+def goes_on(track: FloatArray, coast_frames: float, is_hidden: bool) -> bool:
     """Whether the touch is worth following after this frame set."""
     patience = coast_frames if is_reported(track) or is_palm(track) else 0.0
+    if is_hidden:
+        patience *= PATIENCE_WITH_HIDDEN
     return bool(track[MISSED] <= patience and track[UNSUPPORTED_S] <= LONGEST_UNSUPPORTED_S)
 
 
@@ -158,13 +203,17 @@ def goes_on(track: FloatArray, coast_frames: float) -> bool:
 def is_sure(track: FloatArray, contact: FloatArray, confirm_frames: float, whole: bool) -> bool:
     """Whether a touch that the contact shows is real enough to be reported.
 
-    A frame set that lacks a camera makes ghosts that look sure, but seldom the same ones as the
-    next: then both is asked for.
+    A confident one that owns few edges has to be seen again, and so has a doubtful one that three
+    cameras show; a doubtful one that owns few, three times.  A frame set that lacks a camera makes
+    ghosts that look sure, but seldom the same ones as the next.
     """
     is_confident = contact[CONFIDENCE] >= CONFIDENCE_WITHOUT_CONFIRMATION
-    is_confirmed = track[SEEN] >= confirm_frames and contact[CAMERAS] >= CAMERAS_THAT_CONFIRM
+    is_clear = contact[OWN_EDGES] >= EDGES_OF_A_CLEAR_BIRTH
     if whole:
-        return bool(is_confident or is_confirmed)
+        if is_confident:
+            return bool(is_clear or track[SEEN] >= confirm_frames)
+        frames = confirm_frames if is_clear else max(confirm_frames, FRAMES_THAT_CONFIRM)
+        return bool(track[SEEN] >= frames and contact[CAMERAS] >= CAMERAS_THAT_CONFIRM)
     return bool(is_confident and track[SEEN] >= max(confirm_frames, FRAMES_THAT_CONFIRM))
 
 

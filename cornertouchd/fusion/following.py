@@ -34,7 +34,7 @@ from cornertouchd.fusion.track_rows import (
     is_palm,
     is_reported,
 )
-from cornertouchd.model import FloatArray
+from cornertouchd.model import BoolArray, FloatArray
 
 
 @inlined
@@ -88,8 +88,7 @@ def _go_on(
     whole: bool,
 ) -> int:
     """Bring a track to the contact that continues it; return the last id."""
-    if is_taken_for_palm(track, contact):
-        miss(track)
+    if is_taken_for_palm(track, contact, now_s, elapsed_s):
         show_last(track)
         return last_id
     believe(track, contact, elapsed_s)
@@ -121,15 +120,17 @@ def predicted(
 
 
 @compiled(
-    "Tuple((f8[:,::1], i8))(f8[:,::1], i8[::1], f8[:,::1], f8[::1], f8, f8, i8, b1)",
+    "Tuple((f8[:,::1], i8))(f8[:,::1], i8[::1], b1[::1], f8[:,::1], f8[::1], f8, f8, f8, i8, b1)",
 )
 def updated(
     expected: FloatArray,
     partners: IntArray,
+    hidden: BoolArray,
     contacts: FloatArray,
     rules: FloatArray,
     now_s: float,
     elapsed_s: float,
+    periods: float,
     last_id: int,
     whole: bool,
 ) -> tuple[FloatArray, int]:
@@ -146,12 +147,12 @@ def updated(
             track[column] = expected[number, column]
         partner = partners[number]
         if partner < 0:
-            miss(track)
+            miss(track, periods)
             show_last(track)
         else:
             taken[partner] = True
             last_id = _go_on(track, contacts[partner], rules, now_s, elapsed_s, last_id, whole)
-        if goes_on(track, rules[COAST_FRAMES]):
+        if goes_on(track, rules[COAST_FRAMES], hidden[number]):
             count += 1
     for number in range(len(contacts)):
         if not taken[number]:

@@ -3,9 +3,10 @@
 The acceleration is white noise.  The radius is followed beside it, slowly.
 """
 
-from math import exp, isfinite, sqrt
+from math import exp, inf, isfinite, sqrt
 
 from cornertouchd.compiling import inlined
+from cornertouchd.fusion.evidence import SUPPORT_OF_HIDDEN, is_missed_where_hidden
 from cornertouchd.fusion.track_rows import (
     AT_RADIUS,
     AT_X,
@@ -20,6 +21,8 @@ from cornertouchd.fusion.track_rows import (
     SPEED_VARIANCE,
     SPEED_X,
     SPEED_Y,
+    SUPPORT,
+    TAKEN_FOR_PALM_S,
     UNSUPPORTED_S,
     X,
     Y,
@@ -53,11 +56,11 @@ def _variance(contact: FloatArray, smallest_sigma_mm: float) -> float:
 
 
 @inlined
-def _slow_down(track: FloatArray, elapsed_s: float) -> None:
+def _slow_down(track: FloatArray, elapsed_s: float, most_mm_s: float) -> None:
     speed = sqrt(track[SPEED_X] ** 2 + track[SPEED_Y] ** 2)
     rest = exp(-elapsed_s / SLOWS_DOWN_WITHIN_S)
-    if speed * rest > SPEED_OF_UNSUPPORTED_MM_S:
-        rest = SPEED_OF_UNSUPPORTED_MM_S / speed
+    if speed * rest > most_mm_s:
+        rest = most_mm_s / speed
     track[SPEED_X] *= rest
     track[SPEED_Y] *= rest
 
@@ -86,7 +89,9 @@ def advance(
 ) -> None:
     """Move the track on; its position never gets less certain than `largest_variance`."""
     if track[UNSUPPORTED_S] > 0.0:
-        _slow_down(track, elapsed_s)
+        _slow_down(track, elapsed_s, SPEED_OF_UNSUPPORTED_MM_S)
+    elif track[TAKEN_FOR_PALM_S] > 0.0 or is_missed_where_hidden(track):
+        _slow_down(track, elapsed_s, inf)
     track[X] += elapsed_s * track[SPEED_X]
     track[Y] += elapsed_s * track[SPEED_Y]
     track[POSITION_VARIANCE] += (
@@ -116,6 +121,10 @@ def follow(track: FloatArray, contact: FloatArray) -> None:
         after = (1.0 - gain) * before
         dx, dy = gain * (contact[AT_X] - track[X]), gain * (contact[AT_Y] - track[Y])
     speed_per_mm = track[COVARIANCE] / before
+    if contact[CONTINUES] >= 0.0:
+        # what others half hide is found a little beside its place, and each time more to one side
+        is_known = contact[SUPPORT] > 0.0  # and no NaN
+        speed_per_mm *= min(contact[SUPPORT] / SUPPORT_OF_HIDDEN, 1.0) if is_known else 0.0
     track[X] += dx
     track[Y] += dy
     track[SPEED_X] += speed_per_mm * dx

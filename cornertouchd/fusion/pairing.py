@@ -14,6 +14,10 @@ from math import isfinite
 from cornertouchd.config import PairingSettings
 from cornertouchd.model import FrameSet, Observation
 
+CAMERAS_TO_REFUSE_GHOSTS = 3
+"""Two cameras alone see four crossings where two fingers are; a third tells which are real.  A rig
+that has but two works with what they tell; one that lost two of four sends no touches."""
+
 
 @dataclass(slots=True)
 class PairingCounts:
@@ -49,9 +53,12 @@ class _OpenSet:
         return self.length_with_s(time_s) - (self.ends_at_s - self.begins_at_s)
 
     def add(self, observation: Observation) -> None:
+        time_s = observation.captured_at_s
         self.observations[observation.camera] = observation
-        self.begins_at_s = min(self.begins_at_s, observation.captured_at_s)
-        self.ends_at_s = max(self.ends_at_s, observation.captured_at_s)
+        if time_s < self.begins_at_s:
+            self.begins_at_s = time_s
+        elif time_s > self.ends_at_s:
+            self.ends_at_s = time_s
 
 
 def frame_set_of(observations: Iterable[Observation]) -> FrameSet:
@@ -60,8 +67,13 @@ def frame_set_of(observations: Iterable[Observation]) -> FrameSet:
     Its time is their lower median: in the middle, and a time that was really measured.
     """
     together = tuple(observations)
-    times = sorted(one.captured_at_s for one in together)
+    times = sorted([one.captured_at_s for one in together])
     return FrameSet(times[(len(times) - 1) // 2], together)
+
+
+def is_worth_fusing(frame_set: FrameSet, cameras: int) -> bool:
+    """Tell whether enough of the rig's cameras saw a frame set to refuse ghosts."""
+    return len(frame_set.observations) >= min(CAMERAS_TO_REFUSE_GHOSTS, cameras)
 
 
 class FrameSetPairing:
@@ -112,10 +124,12 @@ class FrameSetPairing:
         is given out and pairing begins anew.  Raises `ValueError` for an unknown camera.
         """
         self._require_known(observation.camera)
-        if not self._is_news(observation):
+        time_s, before = observation.captured_at_s, self._newest.get(observation.camera)
+        if not isfinite(time_s) or (before is not None and time_s == before.captured_at_s):
             self._counts.dropped_observations += 1
             return self.due(now_s)
-        ready = self._restart() if self._jumps_back(observation) else []
+        jumps_back = before is not None and time_s < before.captured_at_s
+        ready = self._restart() if jumps_back else []
         self._take_note_of(observation)
         if self._comes_too_late(observation):
             self._behind.add(observation.camera)
@@ -127,17 +141,19 @@ class FrameSetPairing:
             self._take_note_of(observation)
         self._behind.clear()
         self._put_into_a_set(observation, now_s)
-        return ready + self.due(now_s)
+        due = self.due(now_s)
+        return ready + due if ready else due
 
     def due(self, now_s: float) -> list[FrameSet]:
         """Return the sets for which nothing more can come or that have waited long enough."""
-        ready = [
-            number
-            for number, waiting in enumerate(self._open)
-            if self._is_all_that_can_come(waiting)
-            or now_s >= waiting.arrived_at_s + self._deadline_s
-        ]
-        return self._give_out(max(ready) + 1) if ready else []
+        ready = 0
+        for number, waiting in enumerate(self._open, start=1):
+            if (
+                self._is_all_that_can_come(waiting)
+                or now_s >= waiting.arrived_at_s + self._deadline_s
+            ):
+                ready = number
+        return self._give_out(ready) if ready else []
 
     def _forget(self) -> None:
         self._open: list[_OpenSet] = []
@@ -156,16 +172,6 @@ class FrameSetPairing:
             known = ", ".join(self._cameras)
             raise ValueError(f"camera {camera}: not one of those that are paired: {known}")
 
-    def _is_news(self, observation: Observation) -> bool:
-        newest = self._newest.get(observation.camera)
-        return isfinite(observation.captured_at_s) and (
-            newest is None or observation.captured_at_s != newest.captured_at_s
-        )
-
-    def _jumps_back(self, observation: Observation) -> bool:
-        newest = self._newest.get(observation.camera)
-        return newest is not None and observation.captured_at_s < newest.captured_at_s
-
     def _take_note_of(self, observation: Observation) -> None:
         """Remember the newest picture of the camera; count those that were never seen.
 
@@ -174,7 +180,8 @@ class FrameSetPairing:
         before = self._newest.get(observation.camera)
         if before is not None:
             missed = observation.sequence - before.sequence - 1
-            self._counts.missed_observations += max(missed, 0)
+            if missed > 0:
+                self._counts.missed_observations += missed
         self._newest[observation.camera] = observation
 
     def _comes_too_late(self, observation: Observation) -> bool:
@@ -196,7 +203,9 @@ class FrameSetPairing:
             if observation.camera not in waiting.observations
             and waiting.length_with_s(time_s) <= self._tolerance_s
         ]
-        if fitting:
+        if len(fitting) == 1:
+            fitting[0].add(observation)
+        elif fitting:
             min(fitting, key=lambda waiting: waiting.grows_s(time_s)).add(observation)
         elif any(waiting.begins_at_s <= time_s <= waiting.ends_at_s for waiting in self._open):
             # a second picture of the instant: the camera is faster than the tolerance can tell
@@ -206,10 +215,10 @@ class FrameSetPairing:
             self._open.sort(key=lambda waiting: waiting.begins_at_s)
 
     def _is_all_that_can_come(self, waiting: _OpenSet) -> bool:
-        return all(
-            camera in waiting.observations or self._is_past(camera, waiting)
-            for camera in self._live
-        )
+        for camera in self._live:  # a loop, since this is asked a thousand times a second
+            if camera not in waiting.observations and not self._is_past(camera, waiting):
+                return False
+        return True
 
     def _is_past(self, camera: str, waiting: _OpenSet) -> bool:
         newest = self._newest.get(camera)
@@ -220,8 +229,9 @@ class FrameSetPairing:
         closed, self._open = self._open[:number], self._open[number:]
         if len(self._cameras) > 1:
             # One camera locates nothing, and one whose clock is ahead must not outdate the others.
-            self._counts.dropped_observations += sum(len(one.observations) == 1 for one in closed)
-            closed = [waiting for waiting in closed if len(waiting.observations) > 1]
+            paired = [waiting for waiting in closed if len(waiting.observations) > 1]
+            self._counts.dropped_observations += len(closed) - len(paired)
+            closed = paired
         if closed:
             self._last_given = closed[-1]
         for waiting in closed:

@@ -29,8 +29,9 @@ from cornertouchd.model import FloatArray
     LOG_ODDS,
     SEEN,
     MISSED,
+    LAST_SUPPORT,
     UNSUPPORTED_S,
-    PALMS_IN_A_ROW,
+    TAKEN_FOR_PALM_S,
     PALM_RADIUS,
     FINGER_S,
     # smoothing: what the filter took in last and gave out last, what it rests on,
@@ -48,8 +49,8 @@ from cornertouchd.model import FloatArray
     REST_SINCE_S,
     BEHIND_X,
     BEHIND_Y,
-) = range(35)
-TRACK_COLUMNS = 35
+) = range(36)
+TRACK_COLUMNS = 36
 TOLD_COLUMNS = 6
 
 (

@@ -7,12 +7,14 @@ it is smoothed (`smoothing`).
 
 from math import inf, isfinite
 from operator import attrgetter
+from typing import Protocol
 
 import numpy as np
 
 from cornertouchd.config import TrackingSettings
 from cornertouchd.fusion.assignment import assign, largest_sigma_mm
-from cornertouchd.fusion.crossed import Crossed, Predictions
+from cornertouchd.fusion.crossed import Crossed, IntArray, Predictions
+from cornertouchd.fusion.evidence import SIGHTS_OF_A_LASTING_TOUCH, SUPPORT_OF_HIDDEN
 from cornertouchd.fusion.following import predicted, updated
 from cornertouchd.fusion.track_rows import (
     AHEAD_S,
@@ -24,22 +26,57 @@ from cornertouchd.fusion.track_rows import (
     CUTOFF_HZ,
     DEAD_BAND,
     HEIGHT,
+    ID,
     IS_PALM,
+    LAST_SUPPORT,
     OWN_COLUMNS,
     OWN_EDGES,
+    POSITION_VARIANCE,
+    RADIUS,
     RULES,
+    SEEN,
     SUPPORT,
     TOLD_COLUMNS,
     TRACK_COLUMNS,
     TREND_CUTOFF_HZ,
     WIDTH,
+    X,
+    Y,
 )
-from cornertouchd.model import Contact, FloatArray, Touch
+from cornertouchd.model import BoolArray, Contact, FloatArray, Touch
 
 # After such a pause nothing says where a finger went, or whether it is the same one.
 LONGEST_PAUSE_S = 0.5
 UNBOUNDED_MM = (inf, inf)
 NO_TRACKS = np.empty((0, TRACK_COLUMNS))
+# A running median: fourteen frame sets until it has halved or doubled.
+STEP_OF_MEDIAN = 1.05
+
+
+class Hides(Protocol):
+    """Tells whether something may touch where no contact was found."""
+
+    def __call__(
+        self, x_mm: float, y_mm: float, radius_mm: float, position_variance_mm2: float
+    ) -> bool:
+        """Tell it of a disc that is expected about there: False if a camera sees light there."""
+        ...
+
+
+class _Period:
+    """How long after each other frame sets usually come, so that skipped ones can be counted."""
+
+    def __init__(self) -> None:
+        self._median_s: float | None = None
+
+    def count(self, elapsed_s: float) -> float:
+        """Return how many periods have passed with a frame set that comes so long after another."""
+        if not 0.0 < elapsed_s <= LONGEST_PAUSE_S:
+            return 1.0
+        median_s = self._median_s or elapsed_s
+        median_s *= STEP_OF_MEDIAN if elapsed_s > median_s else 1.0 / STEP_OF_MEDIAN
+        self._median_s = median_s
+        return max(1.0, float(round(elapsed_s / median_s)))
 
 
 class Tracker:
@@ -56,6 +93,7 @@ class Tracker:
         self._settings = settings
         self._rules = _rules(settings, surface_mm)
         self._last_id = 0
+        self._period = _Period()
         self.reset()
 
     def reset(self) -> None:
@@ -70,25 +108,35 @@ class Tracker:
         return Predictions(*self._predicted[1:])
 
     def update(
-        self, captured_at_s: float, crossed: Crossed, *, whole: bool = True
+        self,
+        captured_at_s: float,
+        crossed: Crossed,
+        *,
+        whole: bool = True,
+        hides: Hides | None = None,
     ) -> tuple[Touch, ...]:
         """Return the touches after a frame set with these contacts, by ascending id.
 
         A touch is first reported where its contact was measured.  One that is not seen rests where
-        it was last for `coast_frames` frame sets before it ends.  New touches wait to be seen again
-        if the frame set is not `whole`: if a camera is missing.  When time does not advance, or
+        it was last for `coast_frames` frame sets before it ends, those that were skipped included,
+        and longer where others hide it, as `hides` says.  New touches wait to be seen again if the
+        frame set is not `whole`: if a camera is missing.  When time does not advance, or
         leaps, all touches end and the contacts become new ones.
         """
         elapsed_s = self._advance(captured_at_s)
         expected = self._predicted[0]
         contacts = _contact_rows(crossed, self._settings.report_palms)
+        partners = assign(expected, contacts, self._settings.gate_mm)
+        periods = self._period.count(elapsed_s)
         self._tracks, self._last_id = updated(
             expected,
-            assign(expected, contacts, self._settings.gate_mm),
+            partners,
+            _hidden(expected, partners, periods, hides),
             contacts,
             self._rules,
             captured_at_s,
             elapsed_s,
+            periods,
             self._last_id,
             whole,
         )
@@ -121,6 +169,26 @@ def _rules(settings: TrackingSettings, surface_mm: tuple[float, float]) -> Float
     rules[AHEAD_S] = settings.predict_ms / 1000.0
     rules[WIDTH], rules[HEIGHT] = surface_mm
     return rules
+
+
+def _hidden(
+    tracks: FloatArray, partners: IntArray, periods: float, hides: Hides | None
+) -> BoolArray:
+    """Tell which tracks (T,) miss a partner and may yet be where others hide them.
+
+    Only of touches that have lasted, and that others were about to hide or that were not looked at
+    for a while: any other finger that is not found has been lifted.
+    """
+    hidden: BoolArray = partners < 0
+    if not hidden.any():
+        return hidden
+    hidden &= (tracks[:, ID] > 0.0) & (tracks[:, SEEN] >= SIGHTS_OF_A_LASTING_TOUCH)
+    if periods == 1.0:
+        hidden &= tracks[:, LAST_SUPPORT] < SUPPORT_OF_HIDDEN
+    for number in np.flatnonzero(hidden).tolist():
+        where = tracks[number, [X, Y, RADIUS, POSITION_VARIANCE]].tolist()
+        hidden[number] = hides is not None and hides(*where)
+    return hidden
 
 
 def _contact_rows(crossed: Crossed, report_palms: bool) -> FloatArray:

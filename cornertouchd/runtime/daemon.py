@@ -1,5 +1,6 @@
 """The daemon: one capture thread per camera, one fusion thread, started and stopped together."""
 
+import gc
 import logging
 from collections.abc import Mapping, Sequence
 
@@ -56,7 +57,13 @@ class Daemon:
         self._clock = clock
 
     def start(self) -> None:
-        """Start all threads."""
+        """Start all threads.
+
+        What has been made until now stays: the garbage collection leaves it alone from here on,
+        because to look through all of it stops every thread for longer than a picture takes.
+        """
+        gc.collect()
+        gc.freeze()
         self._fusion.start()
         for capture in self._captures:
             capture.start()
@@ -70,6 +77,7 @@ class Daemon:
         self._fusion.join(STOP_S)
         for capture in self._captures:
             capture.join(max(0.0, until_s - self._clock.now_s()))
+        gc.unfreeze()
 
     def camera_counts(self) -> Mapping[str, CaptureCounts]:
         """Return what happened to every camera so far."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from cornertouchd.calibration.drift import Drift
 from cornertouchd.fusion.dirt import Dirt
-from cornertouchd.fusion.pairing import FrameSetPairing
+from cornertouchd.fusion.pairing import FrameSetPairing, is_worth_fusing
 from cornertouchd.model import Contact, FrameSet, Observation, Touch, TouchFrame
 from cornertouchd.pipeline import SurfacePipeline
 from cornertouchd.ports import Clock, TouchSink
@@ -20,10 +20,6 @@ WAIT_S = 0.02
 SILENCE_S = 0.25
 """Touches are lifted when no frame set came for so long: 25 at the usual rate, and still before a
 person has moved on to the next gesture."""
-
-CAMERAS_TO_REFUSE_GHOSTS = 3
-"""Two cameras alone see four crossings where two fingers are; a third tells which are real.  A rig
-that has but two works with what they tell; one that lost two of four sends no touches."""
 
 SKIPPED_IN_A_ROW = 50
 """Frame sets skipped one after the other until it is said: half a second at the usual rate."""
@@ -236,8 +232,7 @@ class FusionThread:
         Not if it lacks what the box dropped: a whole one is on its way.  Not if so many cameras
         are missing that shadows cross without a third view to refuse ghosts.
         """
-        enough = min(CAMERAS_TO_REFUSE_GHOSTS, self._camera_count)
-        if len(frame_set.observations) < enough:
+        if not is_worth_fusing(frame_set, self._camera_count):
             return False
         return not (behind and self._is_partial(frame_set))
 

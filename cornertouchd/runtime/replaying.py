@@ -7,10 +7,11 @@ from cornertouchd.calibration.calibration import Calibration
 from cornertouchd.calibration.observing import mean_pictures
 from cornertouchd.config import Settings
 from cornertouchd.devices.recording import Recording, RecordingError
-from cornertouchd.fusion.pairing import frame_set_of
+from cornertouchd.fusion.pairing import frame_set_of, is_worth_fusing
 from cornertouchd.model import Contact, FloatArray, Frame, FrameSet, Observation, Touch
 from cornertouchd.pipeline import CameraPipeline, PictureError, SurfacePipeline
 from cornertouchd.runtime.assembly import require_surface
+from cornertouchd.runtime.fusing import SILENCE_S
 from cornertouchd.vision.lighting import Lighting, lighting
 
 Runs = Sequence[tuple[int, int]]
@@ -55,6 +56,7 @@ class Replay:
         self._surface = SurfacePipeline(calibration, settings)
         self.refused_pictures = 0
         self._touches: tuple[Touch, ...] = ()
+        self._followed_at_s: float | None = None
         self._backgrounds = self._backgrounds_by_set(empty_runs)
 
     def learn_background(self, empties: Mapping[str, FloatArray]) -> None:
@@ -72,9 +74,21 @@ class Replay:
             contacts: tuple[Contact, ...] = ()
             if self._independent:
                 contacts = self._surface.cross(frame_set)
-            elif any(lighting(frame) is not Lighting.DARK for frame in frames):
-                contacts, self._touches = self._surface.follow(frame_set)
+            else:
+                contacts = self._follow(frame_set)
             yield ReplayedSet(index, frame_set.captured_at_s, contacts, self._touches)
+
+    def _follow(self, frame_set: FrameSet) -> tuple[Contact, ...]:
+        """Follow touches as the daemon does, which skips what too few cameras saw."""
+        now_s = frame_set.captured_at_s
+        if is_worth_fusing(frame_set, len(self._cameras)):
+            contacts, self._touches = self._surface.follow(frame_set)
+            self._followed_at_s = now_s
+            return contacts
+        if self._followed_at_s is not None and now_s - self._followed_at_s > SILENCE_S:
+            self._surface.reset()
+            self._touches, self._followed_at_s = (), None
+        return ()
 
     def _observe(self, frames: Sequence[Frame]) -> FrameSet:
         """Return what the cameras saw; a picture that is refused is counted and left out."""

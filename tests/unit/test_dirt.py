@@ -185,6 +185,15 @@ class TestWhatIsNoDirtAnyMore:
         show(dirt_watch, 35, dirt=GUM, since_s=now_s)
         assert columns(dirt_watch) == [("C2", 201, 206)]
 
+    def test_one_time_that_is_a_little_back_costs_nothing(self) -> None:
+        dirt_watch = watch()
+        now_s = show(dirt_watch, 59, dirt=GUM, since_s=1000.0)
+        dirt_watch.learn(at_time(frame_set([], now_s, GUM), now_s - 1.05), [])
+        show(dirt_watch, 3, dirt=GUM, since_s=now_s)
+        assert columns(dirt_watch) == [("C2", 201, 206)]
+        dirt_watch.learn(at_time(frame_set([], now_s, GUM), now_s + 1.0), [])
+        assert columns(dirt_watch) == [("C2", 201, 206)]
+
     def test_what_was_before_a_long_silence_does_not_count(self) -> None:
         dirt_watch = watch()
         show(dirt_watch, 3, dirt=GUM)

@@ -43,6 +43,9 @@ def crossed(
     )
 
 
+NOTHING = Crossed.nothing()
+
+
 class Following:
     """A tracker that gets a frame set every period, from a crossing that heeds predictions."""
 
@@ -53,10 +56,14 @@ class Following:
     def predict(self) -> Predictions:
         return self.tracker.predict(self._now_s + PERIOD_S)
 
-    def tell(self, told: Crossed) -> tuple[Touch, ...]:
+    def tell(self, told: Crossed, *, hidden: bool = False) -> tuple[Touch, ...]:
         self._now_s += PERIOD_S
         self.tracker.predict(self._now_s)
-        return self.tracker.update(self._now_s, told)
+        return self.tracker.update(self._now_s, told, hides=lambda *_: hidden)
+
+    def skip(self, sets: int) -> None:
+        """Let so many periods pass without a frame set."""
+        self._now_s += sets * PERIOD_S
 
     def see(self, *contacts: Contact, support: float = SUPPORTED) -> tuple[Touch, ...]:
         """Tell contacts, each continuing the prediction that is nearest within 20 mm."""
@@ -195,7 +202,117 @@ class TestBelief:
     def test_is_not_needed_by_a_crossing_without_predictions(self) -> None:
         following = Following()
         without = crossed([at(50.0, 80.0)], [NEW], support=0.5, own_edges=0)
+        following.see(at(50.0, 80.0))
         assert all(ids(following.tell(without)) == [1] for _ in range(100))
+
+
+class TestSkippedFrameSets:
+    """Times at which nobody looked are no sights of nothing."""
+
+    def moving(self, following: Following, sets: int, first: int = 0) -> tuple[Touch, ...]:
+        touches: tuple[Touch, ...] = ()
+        for number in range(first, first + sets):
+            touches = following.see(at(50.0 + 3.0 * number, 80.0))
+        return touches
+
+    @pytest.mark.parametrize("skipped", [1, 2, 3, 5, 10])
+    def test_a_finger_that_moves_keeps_its_id_over_them(self, skipped: int) -> None:
+        following = Following()
+        self.moving(following, 20)
+        following.skip(skipped)
+        (touch,) = self.moving(following, 1, first=20 + skipped)
+        assert touch.id == 1
+        assert touch.x_mm == pytest.approx(50.0 + 3.0 * (20 + skipped), abs=0.5)
+
+    @pytest.mark.parametrize("skipped", [2, 3, 5, 10])
+    def test_a_finger_that_lifts_meanwhile_is_gone_with_the_next_one(self, skipped: int) -> None:
+        following = Following()
+        self.moving(following, 20)
+        following.skip(skipped)
+        assert following.see() == ()
+
+    def test_one_at_times_does_not_shorten_the_patience_with_a_dropout(self) -> None:
+        following = Following()
+        for _ in range(10):
+            self.moving(following, 5)
+            following.skip(1)
+        self.moving(following, 1)
+        assert ids(following.see()) == [1]
+        assert ids(following.see()) == [1]
+        assert ids(following.see()) == []
+
+
+class TestHidden:
+    """A touch that little tells apart before it is missed may be behind others."""
+
+    def half_hidden(self) -> Following:
+        following = Following()
+        for _ in range(20):
+            following.see(at(50.0, 80.0))
+        following.see(at(50.0, 80.0), support=6.0)
+        return following
+
+    def test_keeps_its_id_for_a_tenth_of_a_second_while_no_camera_sees_light_there(self) -> None:
+        following = self.half_hidden()
+        told = [ids(following.tell(NOTHING, hidden=True)) for _ in range(12)]
+        assert told == [[1]] * 10 + [[]] * 2
+
+    def test_ends_as_any_other_when_a_camera_sees_light_there(self) -> None:
+        following = self.half_hidden()
+        told = [ids(following.tell(NOTHING, hidden=False)) for _ in range(4)]
+        assert told == [[1], [1], [], []]
+
+    def test_nobody_asks_about_a_touch_that_was_clear(self) -> None:
+        following = Following()
+        for _ in range(20):
+            following.see(at(50.0, 80.0))
+        told = [ids(following.tell(NOTHING, hidden=True)) for _ in range(4)]
+        assert told == [[1], [1], [], []]
+
+    def test_nor_about_one_that_has_just_begun(self) -> None:
+        following = Following()
+        following.see(at(50.0, 80.0), support=8.0)
+        told = [ids(following.tell(NOTHING, hidden=True)) for _ in range(4)]
+        assert told == [[1], [1], [], []]
+
+    def test_is_not_led_away_by_a_doubtful_contact(self) -> None:
+        following = self.half_hidden()
+        ghost = replace(at(57.0, 80.0), confidence=0.1)
+        (touch,) = following.tell(crossed([ghost], [NEW], support=7.1), hidden=True)
+        assert (touch.id, touch.x_mm) == (1, pytest.approx(50.0, abs=0.1))
+
+    def test_comes_out_again_as_itself_though_it_was_not_quite_where_it_seemed(self) -> None:
+        following = self.half_hidden()
+        following.tell(NOTHING, hidden=True)
+        (touch,) = following.tell(crossed([at(59.0, 80.0)], [NEW]), hidden=True)
+        assert touch.id == 1
+
+    def test_goes_before_what_is_not_reported_yet(self) -> None:
+        following = self.half_hidden()
+        doubtful = replace(at(60.0, 80.0), confidence=0.1)
+        following.tell(crossed([doubtful], [NEW], support=7.1), hidden=True)
+        tentative = following.predict().costs.argmax()
+        (touch,) = following.tell(crossed([at(58.0, 80.0)], [int(tentative)]), hidden=True)
+        assert touch.id == 1
+
+
+class TestBirths:
+    def births(self, own_edges: int, confidence: float) -> list[list[int]]:
+        following = Following()
+        contact = replace(at(50.0, 80.0), confidence=confidence)
+        return [
+            ids(following.tell(crossed([contact], [number - 1], own_edges=own_edges)))
+            for number in [0, 1, 1, 1]
+        ]
+
+    def test_a_clear_finger_that_owns_its_edges_is_told_at_once(self) -> None:
+        assert self.births(own_edges=4, confidence=0.9) == [[1]] * 4
+
+    def test_one_that_owns_three_is_seen_twice_first(self) -> None:
+        assert self.births(own_edges=3, confidence=0.9) == [[], [1], [1], [1]]
+
+    def test_a_doubtful_one_that_owns_three_is_seen_three_times_first(self) -> None:
+        assert self.births(own_edges=3, confidence=0.2) == [[], [], [1], [1]]
 
 
 class TestPalms:
@@ -243,6 +360,27 @@ class TestPalms:
         (during,) = following.see(palm_at(106.0, 100.0))
         assert (during.id, during.x_mm) == (1, before.x_mm)
         assert ids(following.see(at(100.0, 100.0))) == [1]
+
+    @pytest.mark.parametrize(("finger_sets", "palm_sets"), [(11, 3), (50, 9), (300, 14)])
+    def test_the_longer_it_was_a_finger_the_longer_it_may_look_like_a_palm(
+        self, finger_sets: int, palm_sets: int
+    ) -> None:
+        following, finger = Following(), at(100.0, 100.0)
+        for _ in range(finger_sets):
+            following.see(finger)
+        told = [ids(following.see(palm_at(106.0, 100.0))) for _ in range(palm_sets + 2)]
+        assert told[: palm_sets - 2] == [[1]] * (palm_sets - 2)
+        assert told[-1] == []
+        assert ids(following.see(finger)) == []
+
+    def test_two_fingers_that_pass_and_look_like_a_palm_meanwhile_go_on(self) -> None:
+        following, finger = Following(), at(100.0, 100.0)
+        for _ in range(100):
+            following.see(finger)
+        for _ in range(10):
+            (touch,) = following.see(palm_at(106.0, 100.0))
+            assert (touch.id, touch.x_mm) == (1, pytest.approx(100.0))
+        assert ids(following.see(finger)) == [1]
 
     def test_a_palm_that_is_lost_for_two_frame_sets_stays_one(self) -> None:
         following = Following()
