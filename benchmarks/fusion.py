@@ -34,8 +34,9 @@ from scenes import (
     SMALL,
     Rig,
     Scene,
+    long_rig,
     matched,
-    observed,
+    observed_in_view,
     random_discs,
 )
 
@@ -138,6 +139,7 @@ class Case:
 
 
 THREE, TWO = ", three cameras", ", two cameras"
+SIX, EIGHT = ", six cameras", ", eight cameras"
 CASES = (
     *(Case("random", rig.name, rig, tuple(range(1, 21))) for rig in (SMALL, LARGE, LARGE_1280)),
     *(Case("hands", rig.name, rig, (5, 10, 15, 20)) for rig in (SMALL, LARGE)),
@@ -150,6 +152,9 @@ CASES = (
     ),
     # two cameras see four crossings where two fingers are; with more there is nothing to hold on to
     *(Case("random", rig.name + TWO, rig.with_cameras(2), (1, 2, 5)) for rig in (SMALL, LARGE)),
+    # cameras amid the sides do not see what lies beside them
+    Case("random", LARGE.name + SIX, long_rig(LARGE, 2), (1, 3, 5, 10)),
+    Case("random", LARGE.name + EIGHT, long_rig(LARGE, 4), (1, 3, 5, 10)),
 )
 
 
@@ -168,7 +173,7 @@ def measure(
     reported = exact = 0
     for _ in range(scenes):
         discs = scene(rig, count, rng)
-        directing_lines = observed(rig, discs, rng)
+        directing_lines = observed_in_view(rig, discs, rng)
         started = time.perf_counter()
         contacts = crossing.cross(directing_lines).contacts
         seconds.append(time.perf_counter() - started)

@@ -34,6 +34,9 @@ FINGERS_APART_MM, HANDS_APART_MM = 16.0, 25.0
 
 # Two fingers side by side: distance of their middles as a share of the sum of their radii.
 CLOSE_SHARES = (1.05, 2.0)
+# Fingers in a row: the distance of neighbours as a share of their common diameter, and their size.
+ROW_SHARES = (1.03, 1.2)
+ROW_SLIM_MM = (4.5, 7.0)
 # A rectangle as a share of that of the cameras: its corners on the surface, and not one finger.
 RECTANGLE_SHARES = (0.2, 0.8)
 
@@ -136,6 +139,22 @@ def close_pairs(rig: Rig, count: int, rng: np.random.Generator) -> FloatArray:
             return _filled_up(rig, pair[:count], count, rng)
 
 
+def row(rig: Rig, count: int, rng: np.random.Generator) -> FloatArray:
+    """Return three discs in a row, hardly apart, and others anywhere else.
+
+    Cameras in line with the row see one shadow; all others see it as wide as a palm.
+    """
+    while True:
+        start = rng.uniform(MARGIN_MM, np.asarray(rig.surface_mm) - MARGIN_MM)
+        radius = rng.uniform(*ROW_SLIM_MM)
+        step = 2.0 * radius * rng.uniform(*ROW_SHARES)
+        along = _directions(rng.uniform(0.0, 2.0 * np.pi, 1))[0]
+        tips = start + step * np.arange(3)[:, None] * along
+        if _all_inside(rig, tips):
+            discs = np.column_stack([tips, np.full(3, radius)])
+            return _filled_up(rig, discs[:count], count, rng)
+
+
 def rectangle(rig: Rig, count: int, rng: np.random.Generator) -> FloatArray:
     """Return discs at the corners of a rectangle whose diagonals run through the cameras.
 
@@ -179,6 +198,7 @@ SCENES: dict[str, Scene] = {
     "random": random_discs,
     "hands": hands,
     "close": close_pairs,
+    "row": row,
     "rectangle": rectangle,
     "lines": crossed_lines,
 }
@@ -282,3 +302,42 @@ def matched(
     rows, columns = linear_sum_assignment(np.where(distances < within_mm, distances, 1e3))
     found = distances[rows, columns] < within_mm
     return rows[found], columns[found]
+
+
+@dataclass(frozen=True, slots=True)
+class LongRig(Rig):
+    """A rig with cameras in the middles of its sides as well, of the longer ones first.
+
+    They do not see what lies beside their view, close to their own side.
+    """
+
+    amid_sides: int = 0
+
+    def cameras(self) -> Iterator[tuple[str, float, float, float]]:
+        """Yield name, x, y and the direction of view of each camera."""
+        yield from Rig.cameras(self)
+        width, height = self.surface_mm
+        amid = (
+            (width / 2.0, -CAMERA_OUTSIDE_MM, 90.0),
+            (width / 2.0, height + CAMERA_OUTSIDE_MM, 270.0),
+            (-CAMERA_OUTSIDE_MM, height / 2.0, 0.0),
+            (width + CAMERA_OUTSIDE_MM, height / 2.0, 180.0),
+        )
+        for number, (x, y, forward_deg) in enumerate(amid[: self.amid_sides]):
+            yield f"C{number + 5}", x, y, np.deg2rad(forward_deg)
+
+
+def long_rig(rig: Rig, amid_sides: int) -> LongRig:
+    """Return the rig with so many cameras more."""
+    return LongRig(
+        rig.name, rig.surface_mm, rig.found_within_mm, rig.width_px, rig.corners, amid_sides
+    )
+
+
+def observed_in_view(rig: Rig, discs: FloatArray, rng: np.random.Generator) -> list[DirectingLines]:
+    """Return what the cameras of the rig measure of the discs, and where they look at all."""
+    half_view_rad = float(np.arctan((rig.width_px / 2.0 - 1.0) / rig.focal_px))
+    return [
+        replace(seen, view_rad=(forward_rad - half_view_rad, forward_rad + half_view_rad))
+        for seen, (*_, forward_rad) in zip(observed(rig, discs, rng), rig.cameras(), strict=True)
+    ]

@@ -1,5 +1,7 @@
 """Plane geometry on arrays; pure.  Millimetres and radians, angles from +x towards +y."""
 
+import math
+
 import numpy as np
 
 from cornertouchd.model import FloatArray
@@ -96,3 +98,14 @@ def line_crossings(
         where=np.abs(determinants) > PARALLEL,
     )
     return np.stack([x, y], axis=-1) * inverse[:, None], determinants
+
+
+def is_in_view(
+    x_mm: float, y_mm: float, eye_mm: tuple[float, float], view_rad: tuple[float, float]
+) -> bool:
+    """Tell whether a place lies between the first and the last angle that an eye sees."""
+    first_rad, last_rad = view_rad
+    if last_rad - first_rad >= 2.0 * math.pi:
+        return True
+    angle_rad = math.atan2(y_mm - eye_mm[1], x_mm - eye_mm[0])
+    return (angle_rad - first_rad) % (2.0 * math.pi) <= last_rad - first_rad

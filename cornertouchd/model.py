@@ -5,6 +5,7 @@ continuous pixels: the centre of the first pixel is at 0.5.  Times are CLOCK_MON
 taken when the picture was taken.
 """
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -16,6 +17,8 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Picture = NDArray[np.uint8]
 ContactKind = Literal["finger", "palm", "pen"]
+SEES_EVERYTHING = (-math.inf, math.inf)
+"""The view of a camera that looks in all directions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +129,9 @@ class DirectingLines:
 
     A shadow lies between `first_rad` and `last_rad` (first < last); `centre_rad` belongs to the
     middle of its columns.  An edge that is not valid bounds nothing.  `sigma_rad` is the standard
-    deviation of an edge.  All arrays are (K,), ordered by `first_rad`.
+    deviation of an edge.  All arrays are (K,), ordered by `first_rad`.  `view_rad` are the first
+    and the last angle that the camera looks at, without a jump between them: beside these it shows
+    neither shadow nor light.
     """
 
     camera: str
@@ -138,6 +143,7 @@ class DirectingLines:
     first_valid: BoolArray
     last_valid: BoolArray
     sigma_rad: FloatArray
+    view_rad: tuple[float, float] = SEES_EVERYTHING
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from cornertouchd.calibration.drift import Drift, DriftWatch
 from cornertouchd.config import Settings
 from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.crossing import Crossing, make_crossing
-from cornertouchd.fusion.denial import without_denied
+from cornertouchd.fusion.denial import Darkness, without_denied
 from cornertouchd.fusion.dirt import Dirt, DirtWatch
 from cornertouchd.fusion.kinds import KindsOfContacts
 from cornertouchd.fusion.motion import CommonTime
@@ -178,30 +178,34 @@ class SurfacePipeline:
 
     def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
         """Return what touches the surface in one frame set, whatever was before."""
-        return self._crossed(frame_set, None).contacts
+        return self._crossed(self._lay(frame_set), None).contacts
 
     def follow(self, frame_set: FrameSet) -> tuple[tuple[Contact, ...], tuple[Touch, ...]]:
         """Return what touches the surface now, and the touches that it continues or begins."""
         now_s = frame_set.captured_at_s
-        seen = self._common_time.carry(self._dirt.set_aside(frame_set))
+        seen = self._lay(self._common_time.carry(self._dirt.set_aside(frame_set)))
         crossed = self._crossed(seen, self._tracker.predict(now_s))
         self._dirt.learn(frame_set, crossed.contacts)
         whole = len(frame_set.observations) == len(self._lines)
-        return crossed.contacts, self._tracker.update(now_s, crossed, whole=whole)
+        return crossed.contacts, self._tracker.update(now_s, crossed, whole=whole, hides=seen.hides)
 
-    def _crossed(self, frame_set: FrameSet, predictions: Predictions | None) -> Crossed:
-        directing_lines = [
-            self._lines[seen.camera].lay(seen.shadows, self._edge_sigma_px)
-            for seen in frame_set.observations
-            if len(seen.shadows)
-        ]
-        silent = [self._lines[one.camera] for one in frame_set.observations if not len(one.shadows)]
-        crossed = without_denied(
-            self._crossing.cross(directing_lines, predictions),
-            silent,
-            len(frame_set.observations),
+    def _lay(self, frame_set: FrameSet) -> Darkness:
+        """Lay all shadows on the surface."""
+        return Darkness(
+            [
+                self._lines[seen.camera].lay(seen.shadows, self._edge_sigma_px)
+                for seen in frame_set.observations
+                if len(seen.shadows)
+            ],
+            [self._lines[seen.camera] for seen in frame_set.observations if not len(seen.shadows)],
         )
-        return self._kinds.tell(crossed, directing_lines) if self._kinds else crossed
+
+    def _crossed(self, seen: Darkness, predictions: Predictions | None) -> Crossed:
+        if not seen.lines:
+            return Crossed.nothing()
+        eyes = [*(self._lines[one.camera] for one in seen.lines), *seen.silent]
+        crossed = without_denied(self._crossing.cross(seen.lines, predictions), seen.silent, eyes)
+        return self._kinds.tell(crossed, seen.lines) if self._kinds else crossed
 
     @property
     def dirt(self) -> tuple[Dirt, ...]:

@@ -10,8 +10,11 @@ from cornertouchd.fusion.cells import DiscBounds
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import (
     GATE_SIGMAS,
+    KIND,
     NO_SHADOW,
+    SEES_ALL,
     EdgeRows,
+    is_in_view,
     row_of_three,
     variance_of,
 )
@@ -27,7 +30,7 @@ from cornertouchd.fusion.pool import (
     write_misfits,
 )
 from cornertouchd.fusion.seeds import MOST_SEEDS_OF_A_CELL, find_seeds
-from cornertouchd.model import FloatArray
+from cornertouchd.model import BoolArray, FloatArray
 
 # A disc that is known no better than this is a guess along a line.
 LARGEST_POSITION_SIGMA_MM = 6.0
@@ -40,16 +43,23 @@ LEAST_WEIGHT = 1e-6
 
 @inlined
 def find_candidates(
-    rows: EdgeRows, cells: IntArray, bounds: DiscBounds, pool: Pool, count: int
+    rows: EdgeRows,
+    cells: IntArray,
+    believed: BoolArray,
+    bounds: DiscBounds,
+    pool: Pool,
+    count: int,
 ) -> int:
     """Add the discs that lie in the cells (T, C) and touch two of their edges at least.
 
-    `count` discs are in the pool; returns how many are then.
+    `believed` (C,) are the cameras that would show them.  `count` discs are in the pool; returns
+    how many are then.
     """
     cameras = cells.shape[1]
     seeds, seed_count = find_seeds(rows, cells, bounds)
     fits = empty_pool(MOST_SEEDS_OF_A_CELL, cameras)
     order, costs = np.empty(MOST_SEEDS_OF_A_CELL, np.intp), np.empty(MOST_SEEDS_OF_A_CELL)
+    some_look_away = np.any(rows.views[:, KIND] != SEES_ALL)
     fitted = 0
     for number in range(seed_count):
         cell = seeds.cells[number]
@@ -58,7 +68,8 @@ def find_candidates(
         for column in range(3):
             fits.discs[fitted, column] = seeds.discs[number, column]
         if _fit(rows, bounds, seeds.edges[number], fits, fitted):
-            fitted += 1
+            is_lit = some_look_away and _is_in_the_light(rows, believed, fits, fitted)
+            fitted += int(not is_lit)
         if number + 1 == seed_count or seeds.cells[number + 1] != cell:
             _order_by_cost(fits.misfits, fitted, order, costs)
             for place in range(fitted):
@@ -91,6 +102,20 @@ def _fit(rows: EdgeRows, bounds: DiscBounds, edges: int, fits: Pool, place: int)
         and touched >= 2
         and position_variance < LARGEST_POSITION_SIGMA_MM**2
     )
+
+
+@inlined
+def _is_in_the_light(rows: EdgeRows, believed: BoolArray, fits: Pool, place: int) -> bool:
+    """Tell whether a believed camera looks at a disc and shows none of it.
+
+    Cells reach from where it does not look into where it does.
+    """
+    x, y, _ = row_of_three(fits.discs, place)
+    lit = False
+    for camera in range(len(believed)):
+        if believed[camera] and fits.shadows[place, camera] == NO_SHADOW:
+            lit |= is_in_view(rows.eyes, rows.views, camera, x, y)
+    return lit
 
 
 @inlined

@@ -1,8 +1,9 @@
 """Cells: the places where one shadow of every camera overlaps, the only places to touch.
 
-A cell is one shadow per camera.  Cutting polygons out of each other would find them too; asking
-where a smallest disc comes to rest finds the same ones in one pass over all pairs of edges, because
-a cell that holds such a disc lets it fall until it lies on two edges, or on a side of the surface.
+A cell is one shadow per camera, or none of a camera that does not look there.  Cutting polygons out
+of each other would find them too; asking where a smallest disc comes to rest finds the same ones in
+one pass over all pairs of edges, because a cell that holds such a disc lets it fall until it lies
+on two edges, on a side of the surface or on a line of view.
 """
 
 from typing import NamedTuple
@@ -13,8 +14,11 @@ from cornertouchd.compiling import inlined
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import (
     GATE_SIGMAS,
+    KIND,
     NO_SHADOW,
+    SEES_ALL,
     EdgeRows,
+    is_in_view,
     row_of_three,
     shadow_at,
     slack_of,
@@ -23,11 +27,13 @@ from cornertouchd.fusion.edge_rows import (
 from cornertouchd.fusion.limits import ROUNDING_MM, SURFACE_MARGIN_MM
 from cornertouchd.model import BoolArray, FloatArray
 
-# Edges closer to parallel than this (1.1 degrees) cross too far from where they touch.
-SMALLEST_SINE = 0.02
+# Lines closer to parallel cross nowhere on a surface.
+SMALLEST_SINE = 1e-6
 # Where discs fall: any direction that no side of a frame has.
 DOWN = (0.94, 0.34)
 SIDES = 4
+# One shadow says only in which direction something is.
+FEWEST_SHADOWS = 2
 # Ten contacts make about 16 cells, twenty about 65.  The rest of the work grows with the number of
 # ways to choose three edges of a cell, so the cap is on the product.
 MOST_CELLS_TIMES_TRIPLES = 512 * 56
@@ -96,8 +102,8 @@ def is_in_shadow(
 def find_cells(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> IntArray:
     """Return all cells that hold a disc of the smallest radius, as shadow numbers (T, C), in order.
 
-    There are none with fewer than two cameras.  When a frame set has more than the cap allows,
-    those in which most discs rest are kept.
+    Each has shadows of two cameras at least.  When a frame set has more than the cap allows, those
+    in which most discs rest are kept.
     """
     cameras, radius_mm = len(rows.eyes), bounds.smallest_radius_mm
     met = _CellsMet(
@@ -106,21 +112,22 @@ def find_cells(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> IntArray:
         np.empty(MOST_CELLS_MET, np.intp),
         np.empty(MOST_CELLS_MET, np.intp),
     )
-    eyes, shadows, first_shadow = rows.eyes, rows.shadows, rows.first_shadow
+    eyes, views, shadows, first_shadow = rows.eyes, rows.views, rows.shadows, rows.first_shadow
     lines, valid, believed = rows.lines, rows.valid, wanted.believed
     shape_variance_mm2 = bounds.shape_variance_mm2
-    floors = _floors(rows, bounds)
+    floors = _floors(rows, believed, bounds)
     count = 0
     cell = np.full(cameras, NO_SHADOW, np.intp)
     order = np.empty(cameras, np.intp)
-    for a in range(cameras + 1):  # the last stands for the sides of the surface
+    for a in range(cameras + 1):  # the last stands for the sides of the surface and of views
         for b in range(min(a + 1, cameras), cameras + 1):
             asked = _others_first(believed, a, b, order)
             if asked == 0:
                 continue
-            for i in range(2 * first_shadow[a], _end(first_shadow, a)):
+            for i in range(2 * first_shadow[a], _end(first_shadow, a, len(floors))):
                 ax, ay, ah, slope = floors[i, 0], floors[i, 1], floors[i, 2], floors[i, 3]
-                for j in range(2 * first_shadow[b], _end(first_shadow, b)):
+                start = max(2 * first_shadow[b], i + 1)
+                for j in range(start, _end(first_shadow, b, len(floors))):
                     bx, by, bh = row_of_three(floors, j)
                     sine = ax * by - ay * bx
                     rests = (slope * sine <= 0.0) & (floors[j, 3] * sine >= 0.0)
@@ -130,40 +137,57 @@ def find_cells(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> IntArray:
                     inside = is_on_surface(bounds, x, y)
                     if not inside:
                         continue
+                    shown = 0
                     for place in range(asked):
                         camera = order[place]
                         shadow = shadow_at(eyes, shadows, first_shadow, camera, x, y)
                         variance = shape_variance_mm2 + variance_of(
                             eyes, shadows, camera, shadow, x, y
                         )
-                        if not is_in_shadow(lines, valid, shadow, x, y, radius_mm, variance):
+                        if is_in_shadow(lines, valid, shadow, x, y, radius_mm, variance):
+                            cell[camera] = shadow
+                            shown += 1
+                        # most see everything: to ask that here saves the call
+                        elif views[camera, KIND] == SEES_ALL or is_in_view(
+                            eyes, views, camera, x, y
+                        ):
                             inside = False
                             break
-                        cell[camera] = shadow
-                    if inside and _is_wanted(wanted, cell):
+                        else:
+                            cell[camera] = NO_SHADOW
+                    if inside and shown >= FEWEST_SHADOWS and _is_wanted(wanted, cell):
                         count = _meet(met, count, cell, first_shadow)
     return _most_touched(met, count, _cap(believed))
 
 
 @inlined
-def _floors(rows: EdgeRows, bounds: DiscBounds) -> FloatArray:
-    """Return the lines, (2 S + 4, 4), on which the centres of smallest discs come to rest.
+def _floors(rows: EdgeRows, believed: BoolArray, bounds: DiscBounds) -> FloatArray:
+    """Return the lines, (., 4), on which the centres of smallest discs come to rest.
 
-    Normal and offset as in `EdgeRows`, and how steeply the line runs `DOWN`.  The last four are the
-    sides of the surface.  At an edge that is not valid, discs lie all but beyond it: see
-    `is_in_shadow`.
+    Normal and offset as in `EdgeRows`, and how steeply the line runs `DOWN`.  Behind the edges come
+    the sides of the surface, then the lines of view of believed cameras that do not see all of it,
+    on which discs lie from outside.  At an edge that is not valid lie their centres: nobody knows
+    how far they reach beyond it.
     """
     edges, radius_mm = len(rows.valid), bounds.smallest_radius_mm
-    floors = np.empty((edges + SIDES, 4))
+    floors = np.empty((edges + SIDES + 2 * len(believed), 4))
     for edge in range(edges):
         nx, ny, offset = row_of_three(rows.lines, edge)
-        offset += radius_mm if rows.valid[edge] else -radius_mm
+        offset += radius_mm if rows.valid[edge] else ROUNDING_MM
         _write_floor(floors, edge, nx, ny, offset)
     _write_floor(floors, edges, 1.0, 0.0, -SURFACE_MARGIN_MM)
     _write_floor(floors, edges + 1, 0.0, 1.0, -SURFACE_MARGIN_MM)
     _write_floor(floors, edges + 2, -1.0, 0.0, -SURFACE_MARGIN_MM - bounds.width_mm)
     _write_floor(floors, edges + 3, 0.0, -1.0, -SURFACE_MARGIN_MM - bounds.height_mm)
-    return floors
+    count = edges + SIDES
+    for camera in range(len(believed)):
+        if believed[camera] and rows.views[camera, KIND] != SEES_ALL:
+            x, y, _ = row_of_three(rows.eyes, camera)
+            for column in (0, 2):
+                nx, ny = -rows.views[camera, column], -rows.views[camera, column + 1]
+                _write_floor(floors, count, nx, ny, nx * x + ny * y)
+                count += 1
+    return floors[:count]
 
 
 @inlined
@@ -173,10 +197,9 @@ def _write_floor(floors: FloatArray, row: int, nx: float, ny: float, offset: flo
 
 
 @inlined
-def _end(first_shadow: IntArray, camera: int) -> int:
-    """Return the number of floors up to those of a camera, or of the sides."""
-    last = len(first_shadow) - 1
-    return int(2 * first_shadow[camera + 1] if camera < last else 2 * first_shadow[last] + SIDES)
+def _end(first_shadow: IntArray, camera: int, floors: int) -> int:
+    """Return the number of floors up to those of a camera, or all of them."""
+    return int(2 * first_shadow[camera + 1] if camera < len(first_shadow) - 1 else floors)
 
 
 @inlined
@@ -230,7 +253,11 @@ def _table_size(rows: EdgeRows, wanted: Wanted) -> int:
     possible = 1
     for camera in range(len(rows.eyes)):
         if wanted.believed[camera] and possible < MOST_CELLS_MET:
-            possible *= rows.first_shadow[camera + 1] - rows.first_shadow[camera]
+            possible *= (
+                rows.first_shadow[camera + 1]
+                - rows.first_shadow[camera]
+                + int(rows.views[camera, KIND] != SEES_ALL)
+            )
     size = 16
     while size < 2 * min(possible, MOST_CELLS_MET):
         size *= 2
@@ -243,8 +270,8 @@ def _meet(met: _CellsMet, count: int, cell: IntArray, first_shadow: IntArray) ->
     key = 0
     for camera in range(len(cell)):
         size = first_shadow[camera + 1] - first_shadow[camera]
-        place = 0 if cell[camera] == NO_SHADOW else cell[camera] - first_shadow[camera]
-        key = key * size + place
+        place = 0 if cell[camera] == NO_SHADOW else cell[camera] - first_shadow[camera] + 1
+        key = key * (size + 1) + place
     last_slot = len(met.table) - 1
     slot = (key ^ (key >> 7)) & last_slot
     while met.table[slot] >= 0:

@@ -47,6 +47,7 @@ class EdgeCrossing:
         expected = NO_PREDICTIONS if predictions is None else predictions
         measured, counted = explain(
             np.array([(one.x_mm, one.y_mm) for one in directing_lines], np.float64),
+            np.array([one.view_rad for one in directing_lines], np.float64),
             np.array([len(one.first_rad) for one in directing_lines], np.intp),
             np.concatenate([one.first_rad for one in directing_lines]),
             np.concatenate([one.last_rad for one in directing_lines]),

@@ -11,6 +11,7 @@ import numpy as np
 
 from cornertouchd.compiling import inlined
 from cornertouchd.fusion.crossed import IntArray
+from cornertouchd.fusion.limits import ROUNDING_MM, SURFACE_MARGIN_MM
 from cornertouchd.model import BoolArray, FloatArray
 
 # Ten fingers cast at most ten shadows in each camera.  Cameras that report more than this together
@@ -23,15 +24,21 @@ GATE_SIGMAS = 3.0
 FIRST, LAST, SIGMA, BEGINS = 0, 1, 2, 3
 # In place of a shadow's number: the camera shows none, or is not believed.
 NO_SHADOW = -1
+# The last column of a table of views, and what stands there: the camera sees the whole surface; it
+# sees what both lines of view have before them; or, in more than half a turn, what either has.
+KIND = 4
+SEES_ALL, NARROW, WIDE = 0.0, 1.0, 2.0
 
 
 class Sightings(NamedTuple):
     """The shadows of all cameras one after the other, `counts` (C,) of each, as they were laid.
 
-    `positions_mm` is (C, 2), the others (N,).
+    `positions_mm` is (C, 2) and so is `views_rad`, the first and the last angle of each view; the
+    others are (N,).
     """
 
     positions_mm: FloatArray
+    views_rad: FloatArray
     counts: IntArray
     first_rad: FloatArray
     last_rad: FloatArray
@@ -48,14 +55,16 @@ class EdgeRows(NamedTuple):
     row in `lines` (2 S, 3) is the inward normal and the offset n.P, and `valid` (2 S,) says whether
     it bounds anything.  `eyes` (C, 5) holds x, y
     and an angle amid the camera's shadows with its cosine and sine, around which angles are
-    unwrapped.  `shadows` (S, 4) have the columns `FIRST`, `LAST`, `SIGMA` and `BEGINS`: the first
-    angle once more, as a turn.
+    unwrapped.  `views` (C, 5) holds the normals of the first and of the last line of view, into
+    the view, and its `KIND`.  `shadows` (S, 4) have the columns `FIRST`, `LAST`, `SIGMA` and
+    `BEGINS`: the first angle once more, as a turn.
 
     Taking an array out of a tuple costs compiled functions more than a multiplication: those that
     run thousands of times are given the arrays that they need.
     """
 
     eyes: FloatArray
+    views: FloatArray
     first_shadow: IntArray
     shadows: FloatArray
     lines: FloatArray
@@ -63,16 +72,17 @@ class EdgeRows(NamedTuple):
 
 
 @inlined
-def edge_rows(seen: Sightings) -> tuple[EdgeRows, IntArray]:
+def edge_rows(seen: Sightings, width_mm: float, height_mm: float) -> tuple[EdgeRows, IntArray]:
     """Collect the rows of all cameras that have a usable shadow; the others are left out.
 
-    Also returns which cameras they are, by their numbers among all.
+    Also returns which cameras they are, by their numbers among all.  The surface is so large.
     """
     kept, counts = _usable_shadows(seen)
     cameras, shadows = 0, len(kept)
     for count in counts:
         cameras += count > 0
     rows = EdgeRows(
+        np.empty((cameras, 5)),
         np.empty((cameras, 5)),
         np.zeros(cameras + 1, np.intp),
         np.empty((shadows, 4)),
@@ -93,10 +103,48 @@ def edge_rows(seen: Sightings) -> tuple[EdgeRows, IntArray]:
         rows.eyes[camera, 2] = forward_rad
         rows.eyes[camera, 3] = np.cos(forward_rad)
         rows.eyes[camera, 4] = np.sin(forward_rad)
+        _write_view(rows, camera, seen.views_rad, number, width_mm, height_mm)
         for shadow in range(start, end):
             _write_shadow(rows, camera, shadow, seen, kept[shadow])
         camera, start = camera + 1, end
     return rows, seeing
+
+
+@inlined
+def _write_view(
+    rows: EdgeRows,
+    camera: int,
+    views_rad: FloatArray,
+    number: int,
+    width_mm: float,
+    height_mm: float,
+) -> None:
+    views = rows.views
+    x, y, _ = row_of_three(rows.eyes, camera)
+    first, last = views_rad[number, 0], views_rad[number, 1]
+    views[camera, 0], views[camera, 1] = -np.sin(first), np.cos(first)
+    views[camera, 2], views[camera, 3] = np.sin(last), -np.cos(last)
+    views[camera, KIND] = NARROW if last - first <= np.pi else WIDE
+    if _has_before_it(first, last, x, y, width_mm, height_mm):
+        views[camera, KIND] = SEES_ALL
+
+
+@inlined
+def _has_before_it(
+    first: float, last: float, x_mm: float, y_mm: float, width_mm: float, height_mm: float
+) -> bool:
+    """Tell whether a view from a place holds the whole surface, with its margin."""
+    if not (last - first < 2.0 * np.pi):  # in a full turn, an infinite one or no number
+        return True
+    margin = SURFACE_MARGIN_MM + ROUNDING_MM
+    lowest, highest = np.inf, -np.inf
+    for corner_x in (-margin, width_mm + margin):
+        for corner_y in (-margin, height_mm + margin):
+            angle = (np.arctan2(corner_y - y_mm, corner_x - x_mm) - first) % (2.0 * np.pi)
+            lowest, highest = min(lowest, angle), max(highest, angle)
+    # more than half a turn from corner to corner: the surface lies around the eye, or a gap of the
+    # view on it
+    return bool(highest < last - first and highest - lowest < np.pi)
 
 
 @inlined
@@ -202,6 +250,19 @@ def shadow_at(
     for shadow in range(first, first_shadow[camera + 1]):
         begun += int(shadows[shadow, BEGINS] <= turn)
     return int(first + max(begun - 1, 0))
+
+
+@inlined
+def is_in_view(eyes: FloatArray, views: FloatArray, camera: int, x_mm: float, y_mm: float) -> bool:
+    """Tell whether a camera looks at a place; on a line of view it does not."""
+    if views[camera, KIND] == SEES_ALL:
+        return True
+    dx, dy = x_mm - eyes[camera, 0], y_mm - eyes[camera, 1]
+    behind_first = views[camera, 0] * dx + views[camera, 1] * dy > ROUNDING_MM
+    before_last = views[camera, 2] * dx + views[camera, 3] * dy > ROUNDING_MM
+    if views[camera, KIND] == NARROW:
+        return bool(behind_first & before_last)
+    return bool(behind_first | before_last)
 
 
 @inlined

@@ -41,7 +41,7 @@ def _search(
 ) -> int:
     """Add discs at this price to the `count` of the pool; return how many there are then."""
     cells = find_cells(rows, wanted, bounds)
-    end = find_candidates(rows, cells, bounds, pool, count)
+    end = find_candidates(rows, cells, wanted.believed, bounds, pool, count)
     if wanted.fewest:
         end = keep_rescued(rows, wanted, pool, count, end)
     price_new_discs(pool, count, end, cost)
@@ -76,11 +76,12 @@ def _contacts(
 
 
 @compiled(
-    "Tuple((f8[:,::1], i8[:,::1]))(f8[:,::1], i8[::1], f8[::1], f8[::1], b1[::1], b1[::1], f8[::1],"
-    " f8, f8, f8, f8, f8, f8, b1, f8[:,::1], f8[::1], f8[::1], f8[::1])"
+    "Tuple((f8[:,::1], i8[:,::1]))(f8[:,::1], f8[:,::1], i8[::1], f8[::1], f8[::1], b1[::1],"
+    " b1[::1], f8[::1], f8, f8, f8, f8, f8, f8, b1, f8[:,::1], f8[::1], f8[::1], f8[::1])"
 )
 def explain(
     positions_mm: FloatArray,
+    views_rad: FloatArray,
     shadow_counts: IntArray,
     first_rad: FloatArray,
     last_rad: FloatArray,
@@ -108,8 +109,17 @@ def explain(
     """
     rows, seeing = edge_rows(
         Sightings(
-            positions_mm, shadow_counts, first_rad, last_rad, first_valid, last_valid, sigma_rad
-        )
+            positions_mm,
+            views_rad,
+            shadow_counts,
+            first_rad,
+            last_rad,
+            first_valid,
+            last_valid,
+            sigma_rad,
+        ),
+        width_mm,
+        height_mm,
     )
     if len(seeing) < 2:
         return np.empty((0, 6)), np.empty((0, 3), np.intp)
@@ -139,8 +149,9 @@ def explain(
         else:
             wanted = Wanted(np.full(len(seeing), True), unexplained, 0)
             bounds = fingers if stage == FINGERS else everything
-            count = _search(rows, wanted, bounds, pool, 0, cost)
-            count = add_predicted(rows, predicted, everything, pool, count)
+            # touches that are followed find room even when broken strips fill the pool
+            count = add_predicted(rows, predicted, everything, pool, 0)
+            count = _search(rows, wanted, bounds, pool, count, cost)
         costs = costs_of(pool, count, rows, edge_sigma_px)
         explanation = cheapest_explanation(costs)
         unexplained = rows.valid & (explanation.edge_costs[: len(rows.valid)] >= COST_OF_AN_EDGE)

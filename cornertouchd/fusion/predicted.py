@@ -15,6 +15,7 @@ from cornertouchd.fusion.edge_rows import (
     GATE_SIGMAS,
     NO_SHADOW,
     EdgeRows,
+    is_in_view,
     row_of_three,
     shadow_at,
     slack_of,
@@ -77,9 +78,9 @@ def _add_one(
     ):
         return False
     spread = position_variance + radius_variance
-    missed = 0
+    shown = missed = 0
     for _ in range(FITS):
-        missed = _choose_shadows(rows, bounds, pool, place, spread)
+        shown, missed = _choose_shadows(rows, bounds, pool, place, spread)
         _move_to_edges(rows, predicted, number, bounds, pool, place, spread)
         spread = 0.0
     inside = write_misfits(pool, place, rows, bounds.shape_variance_mm2)
@@ -94,21 +95,22 @@ def _add_one(
         inside
         and innovation <= LARGEST_COST_OF_INNOVATION
         and is_possible(bounds, x, y, radius)
-        and len(rows.eyes) - missed >= FEWEST_CAMERAS_THAT_SHOW_IT
+        and shown >= FEWEST_CAMERAS_THAT_SHOW_IT
     )
 
 
 @inlined
 def _choose_shadows(
     rows: EdgeRows, bounds: DiscBounds, pool: Pool, place: int, spread_mm2: float
-) -> int:
+) -> tuple[int, int]:
     """Choose each camera's nearest shadow, or none where the disc lies wholly beside it.
 
-    `spread_mm2` is how uncertain the disc's own outline is.  Returns how many show none.
+    `spread_mm2` is how uncertain the disc's own outline is.  Returns how many cameras show the disc
+    and how many look at it and do not.
     """
     lines, first_shadow = rows.lines, rows.first_shadow
     x, y, radius = row_of_three(pool.discs, place)
-    missed = 0
+    shown = missed = 0
     for camera in range(len(rows.eyes)):
         shadow = shadow_at(rows.eyes, rows.shadows, first_shadow, camera, x, y)
         behind = slack_of(lines, 2 * shadow + 1, x, y, 0.0)
@@ -124,8 +126,9 @@ def _choose_shadows(
         )
         is_beside = overlap < -GATE_SIGMAS * sigma
         pool.shadows[place, camera] = NO_SHADOW if is_beside else shadow
-        missed += int(is_beside)
-    return missed
+        shown += int(not is_beside)
+        missed += int(is_beside and is_in_view(rows.eyes, rows.views, camera, x, y))
+    return shown, missed
 
 
 @inlined

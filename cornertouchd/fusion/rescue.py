@@ -15,11 +15,11 @@ import numpy as np
 from cornertouchd.compiling import inlined
 from cornertouchd.fusion.cells import Wanted
 from cornertouchd.fusion.crossed import IntArray
-from cornertouchd.fusion.edge_rows import NO_SHADOW, EdgeRows, row_of_three
+from cornertouchd.fusion.edge_rows import NO_SHADOW, EdgeRows, is_in_view, row_of_three
 from cornertouchd.fusion.pool import Pool, copy_disc
 from cornertouchd.model import BoolArray, FloatArray
 
-# With three cameras two would be left, and any two shadows cross.
+# Of those that look at a place: with three cameras two would be left, and any two shadows cross.
 FEWEST_CAMERAS = 4
 # Two whole shadows.  Three edges would find a tenth more of the missed contacts, but with a
 # calibration error of 1 mm it makes twice as many ghosts as it finds contacts.
@@ -62,7 +62,8 @@ def cameras_to_believe(cameras: int) -> BoolArray:
 def keep_rescued(rows: EdgeRows, wanted: Wanted, pool: Pool, first: int, end: int) -> int:
     """Keep those discs from `first` on that touch enough of the wanted edges.
 
-    Where two cameras are not believed, each must see the disc before the body of the other.
+    Where a camera does not look, it misses nothing: it need not be disbelieved.  Where two cameras
+    are not believed, each must see the disc before the body of the other.
     Returns how many discs are in the pool then.
     """
     count = first
@@ -70,12 +71,28 @@ def keep_rescued(rows: EdgeRows, wanted: Wanted, pool: Pool, first: int, end: in
         x, y, radius = row_of_three(pool.discs, disc)
         if (
             radius <= LARGEST_RADIUS_MM
+            and _is_missed(rows, wanted.believed, pool, disc)
             and _explains_enough(pool.shadows, pool.misfits, disc, wanted.edges)
             and _is_in_line(rows.eyes, wanted.believed, x, y, radius)
         ):
             copy_disc(pool, count, pool, disc)
             count += 1
     return count
+
+
+@inlined
+def _is_missed(rows: EdgeRows, believed: BoolArray, pool: Pool, disc: int) -> bool:
+    """Tell whether all disbelieved cameras look at a disc, and enough cameras with them."""
+    x, y, _ = row_of_three(pool.discs, disc)
+    looking = 0
+    for camera in range(len(believed)):
+        if believed[camera]:
+            looking += int(pool.shadows[disc, camera] != NO_SHADOW)
+        elif is_in_view(rows.eyes, rows.views, camera, x, y):
+            looking += 1
+        else:
+            return False
+    return looking >= FEWEST_CAMERAS
 
 
 @inlined

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cornertouchd.compiling import compiled, inlined
+from cornertouchd.geometry import is_in_view
 from cornertouchd.locating.camera_model import CameraModel
 from cornertouchd.model import BoolArray, DirectingLines, FloatArray, Shadows
 
@@ -17,13 +18,15 @@ from cornertouchd.model import BoolArray, DirectingLines, FloatArray, Shadows
 class LineTable:
     """The lines of a camera at (x_mm, y_mm): `angles_rad` (width_px + 1,) at columns 0, 1, 2, ...
 
-    NaN where the method that calibrated the camera has no line.
+    NaN where the method that calibrated the camera has no line.  `view_rad` are the smallest and
+    the largest angle of its first and last line.
     """
 
     camera: str
     x_mm: float
     y_mm: float
     angles_rad: FloatArray
+    view_rad: tuple[float, float]
 
     def lay(self, shadows: Shadows, edge_sigma_px: float) -> DirectingLines:
         """Lay shadows on the surface.
@@ -45,20 +48,30 @@ class LineTable:
             first_valid=valid[0, :count],
             last_valid=valid[1, :count],
             sigma_rad=slopes * edge_sigma_px,
+            view_rad=self.view_rad,
         )
 
     def sees(self, x_mm: float, y_mm: float) -> bool:
         """Tell whether a place is in view: between the lines of the first and the last column."""
-        ends = self.angles_rad[np.isfinite(self.angles_rad)][[0, -1]]
-        first, last = float(ends.min()), float(ends.max())
-        angle = math.atan2(y_mm - self.y_mm, x_mm - self.x_mm)
-        return (angle - first) % (2.0 * math.pi) <= last - first
+        return is_in_view(x_mm, y_mm, (self.x_mm, self.y_mm), self.view_rad)
 
 
 def tabulate(camera: str, model: CameraModel, width_px: int) -> LineTable:
     """Return the table of a calibrated camera."""
     angles = model.angles_rad(np.arange(width_px + 1, dtype=np.float64))
-    return LineTable(camera, *model.position_mm, np.ascontiguousarray(angles))
+    return LineTable(camera, *model.position_mm, np.ascontiguousarray(angles), _view(angles))
+
+
+def _view(angles_rad: FloatArray) -> tuple[float, float]:
+    """Return the bounds of a table of angles; those of a camera upside down descend.
+
+    A table without any line sees nothing.
+    """
+    lines = angles_rad[np.isfinite(angles_rad)]
+    if not len(lines):
+        return 0.0, 0.0
+    first, last = sorted((float(lines[0]), float(lines[-1])))
+    return first, last
 
 
 @inlined

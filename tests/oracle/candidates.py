@@ -1,7 +1,7 @@
 """Candidates: the discs that could stand in the cells and cast some of their edges.
 
 Three tangents fix a disc, and so do two when its size is guessed.  All of them are tried in every
-cell, because any edge of the cell may belong to another contact, but for three that one disc is
+cell, because any edge of the cell may belong to another contact, but for three that one finger is
 known to touch; each set of edges that a disc touches at once is kept once, and the disc is fitted
 to all of them.
 """
@@ -95,7 +95,8 @@ def find_candidates(rows: EdgeRows, cells: IntArray, limits: DiscLimits) -> Cand
     discs, cell, fixed_by = _discs_from_tangents(cell_rows, limits)
     discs, cell, tangent = _one_per_set_of_edges(discs, cell, fixed_by, cell_rows, limits)
     candidates = _fitted(discs, cell_rows.take(cell), tangent, limits)
-    plausible = _plausible(candidates, limits)
+    in_the_light = np.any(rows.in_view(candidates.discs[:, :2]) & ~candidates.rows.shown, axis=1)
+    plausible = _plausible(candidates, limits) & ~in_the_light
     return _without_dominated(candidates.take(plausible), cell[plausible])
 
 
@@ -170,7 +171,7 @@ def _one_per_set_of_edges(
 ) -> tuple[FloatArray, IntArray, BoolArray]:
     """Keep the discs inside their cells, the first of those that touch the same edges.
 
-    Discs that are fixed by edges which an earlier one touches are left out.
+    Discs that are fixed by edges which an earlier one of a finger's size touches are left out.
     """
     rows = cells.take(cell)
     slack, sigma = rows.slacks(discs, limits.shape_sigma_mm)
@@ -181,7 +182,8 @@ def _one_per_set_of_edges(
     for disc in np.flatnonzero(inside):
         known = sets_of_cell.setdefault(int(cell[disc]), {})
         three, edges = int(fixed_by[disc]), int(touched[disc])
-        if not (three and any(other & three == three for other in known)):
+        fingers = [other for other in known if discs[known[other], 2] <= FINGER_RADII_MM[1]]
+        if not (three and any(other & three == three for other in fingers)):
             known.setdefault(edges, int(disc))
     kept = np.array(
         [known[edges] for _, known in sorted(sets_of_cell.items()) for edges in sorted(known)],

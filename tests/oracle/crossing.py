@@ -63,7 +63,7 @@ class OracleCrossing:
                 limits = _of_fingers(self.limits) if stage == "fingers" else self.limits
                 found = find_candidates(rows, find_cells(rows, limits), limits)
                 predicted = predicted_candidates(rows, followed, self.limits)
-                candidates = joined([dearer(found, cost), *predicted])
+                candidates = joined([*predicted, dearer(found, cost)])
             explanation = cheapest_explanation(costs_of(candidates, rows, self.edge_sigma_px))
             unexplained = explanation.unexplained & rows.valid.ravel()
             if not is_needed(rows, unexplained, len(explanation.chosen)):

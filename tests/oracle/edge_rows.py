@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import MOST_SHADOWS
-from cornertouchd.geometry import normals, wrap_angle
+from cornertouchd.fusion.limits import ROUNDING_MM
+from cornertouchd.geometry import angles_and_distances, normals, wrap_angle
 from cornertouchd.model import BoolArray, DirectingLines, FloatArray
 
 
@@ -25,11 +26,13 @@ class EdgeRows:
     `first_shadow[c + 1]`, in ascending order of angle.  Edge e of shadow s has number 2 s + e.
     `forward_rad` (C,) lies amid a camera's shadows, so that angles are unwrapped around it.
     `bounds_rad`, `offsets_mm` and `valid` are (S, 2), `normals` (S, 2, 2), `sigma_rad` (S,).
+    `views_rad` (C, 2) are the first and the last angle of each camera's view.
     """
 
     cameras: tuple[str, ...]
     positions_mm: FloatArray
     forward_rad: FloatArray
+    views_rad: FloatArray
     first_shadow: IntArray
     camera_of_shadow: IntArray
     bounds_rad: FloatArray
@@ -46,6 +49,17 @@ class EdgeRows:
     def unwrap(self, angles_rad: FloatArray) -> FloatArray:
         """Return angles (..., C), as seen from each camera, comparable with its `bounds_rad`."""
         return self.forward_rad + wrap_angle(angles_rad - self.forward_rad)
+
+    def in_view(self, points_mm: FloatArray) -> BoolArray:
+        """Tell which cameras look at points (P, 2), (P, C); on a line of view they do not."""
+        angles, distances = angles_and_distances(points_mm, self.positions_mm)
+        first, last = self.views_rad.T
+        everything = ~(last - first < 2.0 * np.pi)
+        behind_first = (angles - np.where(everything, 0.0, first)) % (2.0 * np.pi)
+        before_last = last - first - behind_first
+        rounding_rad = ROUNDING_MM / distances
+        seen: BoolArray = (np.minimum(behind_first, before_last) > rounding_rad) | everything
+        return seen
 
 
 def edge_rows(directing_lines: Sequence[DirectingLines]) -> EdgeRows:
@@ -67,6 +81,7 @@ def edge_rows(directing_lines: Sequence[DirectingLines]) -> EdgeRows:
         cameras=tuple(camera.camera for camera in seeing),
         positions_mm=positions,
         forward_rad=np.array([(c.first_rad[0] + c.last_rad[-1]) / 2.0 for c in seeing]),
+        views_rad=np.array([camera.view_rad for camera in seeing], np.float64).reshape(-1, 2),
         first_shadow=np.concatenate([[0], np.cumsum(counts)]).astype(np.intp),
         camera_of_shadow=camera_of_shadow,
         bounds_rad=bounds,
@@ -85,6 +100,7 @@ def without_cameras(rows: EdgeRows, cameras: Sequence[int]) -> tuple[EdgeRows, I
     others = EdgeRows(
         cameras=tuple(rows.cameras[c] for c in kept_cameras),
         positions_mm=rows.positions_mm[kept_cameras],
+        views_rad=rows.views_rad[kept_cameras],
         forward_rad=rows.forward_rad[kept_cameras],
         first_shadow=np.concatenate([[0], np.cumsum(counts)]).astype(np.intp),
         camera_of_shadow=np.repeat(np.arange(len(kept_cameras)), counts),

@@ -54,11 +54,12 @@ def _proposed(
         return None
     disc, spread_mm2 = prior.disc, prior.variances[0] + prior.variances[2]
     for _ in range(FITS):
-        cell, missed = _cell_at(rows, disc, spread_mm2, limits)
-        disc = _fitted(cell, missed, disc, spread_mm2, prior, limits)
+        cell, beside = _cell_at(rows, disc, spread_mm2, limits)
+        missed = beside & rows.in_view(disc[None, :2])[0]
+        disc = _fitted(cell, beside, disc, spread_mm2, prior, limits)
         spread_mm2 = 0.0
     slack, sigma = cell.slacks(disc[None], limits.shape_sigma_mm)
-    void = np.repeat(missed, 2)
+    void = np.repeat(beside, 2)
     room = np.where(cell.valid, slack, slack + 2.0 * disc[2])[0]
     innovation = 0.5 * float(np.sum((disc - prior.disc) ** 2 / prior.variances))
     possible = (
@@ -66,7 +67,7 @@ def _proposed(
         and innovation <= LARGEST_COST_OF_INNOVATION
         and limits.smallest_radius_mm < disc[2] < limits.largest_radius_mm
         and limits.on_surface(disc[:2])
-        and np.count_nonzero(~missed) >= FEWEST_CAMERAS_THAT_SHOW_IT
+        and np.count_nonzero(~beside) >= FEWEST_CAMERAS_THAT_SHOW_IT
     )
     if not possible:
         return None
@@ -99,8 +100,8 @@ def _cell_at(
     slack, sigma = cell.slacks(disc[None], limits.shape_sigma_mm)
     sigma = np.sqrt(sigma**2 + spread_mm2)
     beside = slack + 2.0 * disc[2] < -GATE_SIGMAS * sigma
-    missed: BoolArray = np.any(beside.reshape(-1, 2), axis=1)
-    return cell, missed
+    beside_shadow: BoolArray = np.any(beside.reshape(-1, 2), axis=1)
+    return cell, beside_shadow
 
 
 def _slacks_of_centre(rows: EdgeRows, disc: FloatArray, edges: IntArray) -> FloatArray:
@@ -111,7 +112,7 @@ def _slacks_of_centre(rows: EdgeRows, disc: FloatArray, edges: IntArray) -> Floa
 
 def _fitted(
     cell: CellRows,
-    missed: BoolArray,
+    beside: BoolArray,
     disc: FloatArray,
     spread_mm2: float,
     prior: _Prior,
@@ -120,7 +121,7 @@ def _fitted(
     """Return the disc that fits the prediction, the edges near it and those it protrudes over."""
     slack, sigma = cell.slacks(disc[None], limits.shape_sigma_mm)
     used = cell.valid & (slack < GATE_SIGMAS * np.sqrt(sigma**2 + spread_mm2))
-    used &= ~np.repeat(missed, 2)
+    used &= ~np.repeat(beside, 2)
     weights = (used / sigma**2)[0]
     design = np.column_stack([cell.normals[0], np.full(len(weights), -1.0)])
     information = design.T @ (design * weights[:, None]) + np.diag(1.0 / prior.variances)

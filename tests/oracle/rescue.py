@@ -66,8 +66,12 @@ def _shown_by_others(
     edges = 2 * shadows[found.rows.edges // 2] + found.rows.edges % 2
     explains = found.tangent & unexplained[edges]
     per_camera = explains.reshape(len(found), len(others.cameras), 2)
+    looking = rows.in_view(found.discs[:, :2])[:, list(disbelieved)]
+    showing = np.count_nonzero(found.rows.shown, axis=1)
     kept = (
-        (np.count_nonzero(explains, axis=1) >= FEWEST_EDGES)
+        np.all(looking, axis=1)
+        & (showing + len(disbelieved) >= FEWEST_CAMERAS)
+        & (np.count_nonzero(explains, axis=1) >= FEWEST_EDGES)
         & (np.count_nonzero(np.any(per_camera, axis=2), axis=1) >= FEWEST_CAMERAS_WITH_EDGES)
         & (found.discs[:, 2] <= LARGEST_RADIUS_MM)
     )

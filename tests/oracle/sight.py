@@ -1,6 +1,6 @@
 """What cameras around a small surface see of discs: the scenes of the tests of crossing."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,11 @@ SIDES = {
     "C7": (-10.0, 200.0, 0.0),
     "C8": (360.0, 200.0, 180.0),
 }
-HALF_VIEW_RAD = np.deg2rad(47.5)
+HALF_VIEW_RAD = {
+    **dict.fromkeys(CORNERS, np.deg2rad(47.5)),
+    **dict.fromkeys(SIDES, np.deg2rad(89.0)),
+}
+NARROW_HALF_VIEW_RAD = np.deg2rad(35.0)
 # A tenth of a pixel of 640 that share 95 degrees.
 SIGMA_RAD = 3e-4
 SMALLEST_GAP_RAD = 0.004
@@ -32,17 +36,21 @@ def bearings_of(
     discs: Sequence[Disc],
     cameras: Sequence[str] = tuple(CORNERS),
     rng: np.random.Generator | None = None,
+    half_views_rad: Mapping[str, float] = HALF_VIEW_RAD,
 ) -> list[DirectingLines]:
     """Return what the cameras see of the discs (x, y, r): merged shadows, cut at the view."""
-    return [one_camera(discs, camera, rng) for camera in cameras]
+    return [one_camera(discs, camera, rng, half_views_rad[camera]) for camera in cameras]
 
 
 def one_camera(
-    discs: Sequence[Disc], camera: str, rng: np.random.Generator | None = None
+    discs: Sequence[Disc],
+    camera: str,
+    rng: np.random.Generator | None = None,
+    half_view_rad: float | None = None,
 ) -> DirectingLines:
     x_mm, y_mm, forward_deg = (CORNERS | SIDES)[camera]
     forward_rad = np.deg2rad(forward_deg)
-    half_view_rad = HALF_VIEW_RAD if camera in CORNERS else np.deg2rad(89.0)
+    half_view_rad = HALF_VIEW_RAD[camera] if half_view_rad is None else half_view_rad
     merged: list[list[float]] = []
     for first, last in sorted(_interval(disc, x_mm, y_mm, forward_rad) for disc in discs):
         if merged and first - merged[-1][1] < SMALLEST_GAP_RAD:
@@ -50,6 +58,7 @@ def one_camera(
         else:
             merged.append([first, last])
     edges = np.array(merged).reshape(-1, 2)
+    edges = edges[(edges[:, 0] < half_view_rad) & (edges[:, 1] > -half_view_rad)]
     valid = np.abs(edges) < half_view_rad
     noise = 0.0 if rng is None else rng.normal(0.0, SIGMA_RAD, edges.shape)
     edges = forward_rad + np.clip(edges + valid * noise, -half_view_rad, half_view_rad)
@@ -63,6 +72,7 @@ def one_camera(
         first_valid=valid[:, 0],
         last_valid=valid[:, 1],
         sigma_rad=np.full(len(edges), SIGMA_RAD),
+        view_rad=(float(forward_rad - half_view_rad), float(forward_rad + half_view_rad)),
     )
 
 

@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle.crossing import OracleCrossing
-from oracle.sight import CORNERS, SIDES, SURFACE_MM, bearings_of, random_discs, shadows
+from oracle.sight import (
+    CORNERS,
+    HALF_VIEW_RAD,
+    NARROW_HALF_VIEW_RAD,
+    SIDES,
+    SURFACE_MM,
+    bearings_of,
+    random_discs,
+    shadows,
+)
 
 from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.edge_crossing import EdgeCrossing
@@ -22,6 +31,8 @@ FINGERS_ONLY = DiscLimits(SURFACE_MM, 3.3, 35.0, 0.4)
 def scenes(draw: st.DrawFn) -> tuple[list[DirectingLines], np.random.Generator]:
     """Fingers and pens before two to eight cameras, some of whose shadows are damaged.
 
+    Some cameras see but a part of the surface, and some of them another part than they say.
+
     All numbers are drawn by a generator, so that no two explanations cost just the same.
     """
     rng = np.random.default_rng(draw(st.integers(0, 10**9)))
@@ -30,7 +41,12 @@ def scenes(draw: st.DrawFn) -> tuple[list[DirectingLines], np.random.Generator]:
         (x, y, float(rng.uniform(1.4, 9.0)) if rng.random() < 0.4 else radius)
         for x, y, radius in random_discs(draw(st.integers(0, 9)), rng, apart_mm=12.0)
     ]
-    seen = bearings_of(discs, cameras, rng if draw(st.booleans()) else None)
+    narrow = draw(st.lists(st.sampled_from(cameras), max_size=4, unique=True))
+    half_views_rad = HALF_VIEW_RAD | dict.fromkeys(narrow, NARROW_HALF_VIEW_RAD)
+    seen = bearings_of(discs, cameras, rng if draw(st.booleans()) else None, half_views_rad)
+    for number in draw(st.lists(st.integers(0, len(cameras) - 1), max_size=1)):
+        first = rng.uniform(-4.0, 4.0)
+        seen[number] = replace(seen[number], view_rad=(first, first + rng.uniform(0.0, 6.5)))
     for number in draw(st.lists(st.integers(0, len(cameras) - 1), max_size=3)):
         damage = draw(st.sampled_from(["lost", "covered", "not a number", "no width"]))
         seen[number] = damaged(seen[number], damage, rng)
@@ -111,6 +127,17 @@ def test_they_agree_about_crowds(count: int) -> None:
     for _ in range(4):
         seen = bearings_of(random_discs(count, rng, apart_mm=16.0), rng=rng)
         assert_same(seen, FINGERS_ONLY)
+
+
+@pytest.mark.parametrize("count", [3, 8])
+def test_they_agree_about_cameras_that_see_a_part_of_the_surface(count: int) -> None:
+    rng = np.random.default_rng(count)
+    narrow = dict.fromkeys(HALF_VIEW_RAD, NARROW_HALF_VIEW_RAD)
+    for _ in range(4):
+        discs = random_discs(count, rng, apart_mm=16.0)
+        seen = bearings_of(discs, list(HALF_VIEW_RAD), rng, narrow)
+        found = assert_same(seen, FINGERS_ONLY)
+        assert_same(seen, FINGERS_ONLY, predictions_near(found, rng))
 
 
 def test_they_agree_about_a_camera_that_misses_a_shadow() -> None:
