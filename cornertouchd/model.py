@@ -105,14 +105,36 @@ class Shadows:
             yield Shadow(left, right, left_valid, right_valid, depth)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Outlines:
+    """How the K shadows of a picture run up and down the strip and its mirror image.
+
+    Left and right edges were met at `columns_px` on `rows_px`, both (K, 2, L) from the top down;
+    NaN where an edge was lost.  `light` (R, N) is what is left of the light, 1 as in the empty
+    strip, NaN where that tells nothing, in the columns around shadows: column u is
+    `light[:, light_at[u]]`, (width_px,), -1 where it is not kept; its first row is
+    `light_row_px[u]`, (width_px,) whole rows.
+    """
+
+    columns_px: FloatArray
+    rows_px: FloatArray
+    light: NDArray[np.float32]
+    light_at: NDArray[np.int32]
+    light_row_px: NDArray[np.int32]
+
+
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What one camera saw in one frame: the only thing that leaves its capture thread."""
+    """What one camera saw in one frame: the only thing that leaves its capture thread.
+
+    `outlines` are those of the shadows, None where the method of finding them knows no rows.
+    """
 
     camera: str
     sequence: int
     captured_at_s: float
     shadows: Shadows
+    outlines: Outlines | None = None
 
 
 @dataclass(frozen=True, slots=True)

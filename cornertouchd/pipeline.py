@@ -1,6 +1,6 @@
 """From pictures to touches: the stages in order.  Read this first.
 
-CameraPipeline, one per capture thread:   Frame -> shadows -> Observation
+CameraPipeline, one per capture thread:   Frame -> shadows, outlines -> Observation
 SurfacePipeline, in the fusion thread:    FrameSet -> directing lines -> contacts -> touches
 """
 
@@ -26,8 +26,11 @@ from cornertouchd.model import (
 )
 from cornertouchd.vision.background import Background, MaskedColumns, NotDarkError
 from cornertouchd.vision.finder import ProfileFinder, make_finder
+from cornertouchd.vision.outlines import OutlineTracer
 from cornertouchd.vision.profile import NoiseError, shows_strip
+from cornertouchd.vision.reference import Reference
 from cornertouchd.vision.strip import StripNotFoundError, find_strip
+from cornertouchd.vision.strip_shift import StripShift, StripShiftWatch
 
 MOST_SHADOWS = 64
 """A picture with more shadows is garbage: twenty fingers throw at most twenty."""
@@ -53,6 +56,7 @@ class CameraPipeline:
             raise CalibrationError(f"camera {calibration.id}: no strip found: {error}") from None
         self._settings = settings
         self._dark_pictures = 0
+        self._shift = StripShiftWatch(self._strip, calibration.empty)
         self.learn_background(calibration.empty)
 
     def learn_background(self, empty: FloatArray) -> None:
@@ -74,7 +78,9 @@ class CameraPipeline:
         self._finder = make_finder(self._strip, empty, vision)
         self._background: Background | None = None
         if isinstance(self._finder, ProfileFinder):
+            reference = self._finder.sampler.reference
             self._background = Background(self._finder, vision, self._settings.background)
+            self._tracer = OutlineTracer(self._strip, empty, reference, vision)
 
     def find(self, frame: Frame) -> Observation:
         """Return the shadows in a picture, whatever was before.  Raises `PictureError`."""
@@ -82,9 +88,11 @@ class CameraPipeline:
         if not isinstance(self._finder, ProfileFinder):
             return self._believed(frame, self._finder.find(frame.pixels))
         try:
-            return self._believed(frame, self._finder.find_with_hidden(frame.pixels))
+            shadows, gain = self._finder.find_with_hidden(frame.pixels)
         except NoiseError as error:
             raise PictureError(str(error)) from None
+        observation = self._believed(frame, shadows)
+        return self._outlined(frame, observation, self._finder.sampler.reference, gain)
 
     def observe(self, frame: Frame) -> Observation:
         """Return the shadows in a picture, and learn from it.  Raises `PictureError`."""
@@ -96,8 +104,9 @@ class CameraPipeline:
         except NoiseError as error:
             raise PictureError(str(error)) from None
         observation = self._believed(frame, sight.shadows)
+        reference, gain = self._background.reference, sight.measured.gain
         self._background.learn(sight)
-        return observation
+        return self._outlined(frame, observation, reference, gain)
 
     def learn_dark(self, frame: Frame) -> None:
         """Learn the light of the surroundings where no LED was lit.  Raises `PictureError`."""
@@ -109,6 +118,20 @@ class CameraPipeline:
             self._background.learn_dark(frame.pixels, frame.captured_at_s)
         except NotDarkError as error:
             raise PictureError(str(error)) from None
+
+    def find_strip_shift(self, frame: Frame) -> StripShift | None:
+        """Return by how much the strip is off the rows where it was calibrated, None if it is not.
+
+        The same object until something changes.  A look a second takes half a millisecond, so it is
+        for after the observation has been told.  Of pictures that were observed.
+        """
+        self._shift.look(frame.pixels, frame.captured_at_s)
+        return self._shift.shift
+
+    @property
+    def strip_shift(self) -> StripShift | None:
+        """By how much the strip is off at present.  Any thread may ask."""
+        return self._shift.shift
 
     def reset(self) -> None:
         """Forget what was learned from pictures."""
@@ -137,6 +160,12 @@ class CameraPipeline:
         # dark pictures are not missing: only lit ones are counted
         number = frame.sequence - self._dark_pictures
         return Observation(frame.camera, number, frame.captured_at_s, shadows)
+
+    def _outlined(
+        self, frame: Frame, seen: Observation, reference: Reference, gain: float
+    ) -> Observation:
+        outlines = self._tracer.trace(frame.pixels, seen.shadows, reference, gain)
+        return Observation(seen.camera, seen.sequence, seen.captured_at_s, seen.shadows, outlines)
 
 
 def line_tables(calibration: Calibration) -> dict[str, LineTable]:

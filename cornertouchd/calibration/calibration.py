@@ -6,6 +6,7 @@ from typing import Literal
 from cornertouchd.calibration.error_map import ErrorMap
 from cornertouchd.errors import ReportedError
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
+from cornertouchd.locating.height_table import Heights
 from cornertouchd.locating.lookup_table import LookupTable
 from cornertouchd.locating.reconstruction import Reconstruction
 from cornertouchd.locating.vanishing_point import Projection
@@ -37,7 +38,8 @@ class CameraCalibration:
     reference brightness are read from it.  `residual_mm` is the RMS distance of its
     directing lines from the touches at known places, of all touches if none was; NaN where it has
     no line for any of them.  `identity` tells this very camera from others of its kind,
-    empty where that is not known.
+    empty where that is not known.  `heights` are those of the camera and its strip, None where the
+    strip does not tell them.
     """
 
     id: str
@@ -46,6 +48,7 @@ class CameraCalibration:
     empty: FloatArray
     model: Model
     residual_mm: float
+    heights: Heights | None = None
 
     def require_camera(self, given: PictureFormat, identity: str) -> None:
         """Raise `CalibrationError` unless this is the camera and its pictures fit.

@@ -2,6 +2,7 @@
 
 import base64
 import struct
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,10 @@ from cornertouchd.calibration.file_schema import (
     LookupTableEntry,
     ProjectionEntry,
 )
+from cornertouchd.calibration.heights import heights_of_empty
 from cornertouchd.calibration.sealed_json import read_bounded, seal, unseal
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
+from cornertouchd.locating.height_table import Heights
 from cornertouchd.locating.lookup_table import LookupTable
 from cornertouchd.locating.reconstruction import BoardLens, Reconstruction
 from cornertouchd.locating.vanishing_point import Projection
@@ -36,6 +39,9 @@ GREY_SCALE = 256
 
 ERROR_DIGITS = 4
 """Expected errors and residuals are estimates; a tenth of a micrometre is more than they are."""
+
+WITH_HEIGHTS = 3
+"""From this version on a file has heights."""
 
 ANEW = "run `cornertouchd calibrate`"
 REMEDY = f"{ANEW}, or `cornertouchd calibrate --rollback` for the one before"
@@ -112,6 +118,7 @@ def _to_file(calibration: Calibration) -> dict[str, Any]:
                 },
                 "model": _model_to_file(camera.model),
                 "residual_mm": _rounded(camera.residual_mm),
+                "heights": None if camera.heights is None else asdict(camera.heights),
                 "empty_png": _to_png(camera.empty),
             }
             for camera in calibration.cameras
@@ -151,7 +158,7 @@ def _model_to_file(model: Model) -> dict[str, Any]:
 def _from_bytes(content: bytes, path: Path, remedy: str) -> Calibration:
     file = unseal(content, CalibrationFile, path, remedy)
     try:
-        cameras = tuple(_camera_from_file(camera) for camera in file.cameras)
+        cameras = tuple(_camera_from_file(camera, file) for camera in file.cameras)
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}; {remedy}") from None
     return Calibration(
@@ -173,7 +180,7 @@ def _map_from_file(entry: ErrorMapEntry) -> ErrorMap:
     return ErrorMap(np.array(entry.x_mm), np.array(entry.y_mm), errors_mm)
 
 
-def _camera_from_file(camera: CameraEntry) -> CameraCalibration:
+def _camera_from_file(camera: CameraEntry, file: CalibrationFile) -> CameraCalibration:
     picture = camera.picture
     size = PictureFormat(
         picture.width_px, picture.height_px, picture.row_offset_px, picture.rows_px
@@ -181,13 +188,13 @@ def _camera_from_file(camera: CameraEntry) -> CameraCalibration:
     empty = _from_png(camera.empty_png, size)
     if empty is None:
         raise CalibrationError(f"camera {camera.id}: its empty picture is damaged")
+    model = _model_from_file(camera, size.width_px)
+    if file.version < WITH_HEIGHTS:
+        heights = heights_of_empty(camera.id, empty, model, file.surface_mm)
+    else:
+        heights = Heights(**dict(camera.heights)) if camera.heights else None
     return CameraCalibration(
-        camera.id,
-        camera.identity,
-        size,
-        empty,
-        _model_from_file(camera, size.width_px),
-        _known(camera.residual_mm),
+        camera.id, camera.identity, size, empty, model, _known(camera.residual_mm), heights
     )
 
 

@@ -22,6 +22,7 @@ _Column = Annotated[FiniteFloat, Field(ge=-100_000.0, le=100_000.0)]
 _Side = Annotated[FiniteFloat, Field(ge=20.0, le=100_000.0)]
 _Millimetres = Annotated[FiniteFloat, Field(ge=0.0)]
 _Count = Annotated[int, Field(ge=0)]
+_Height = Annotated[FiniteFloat, Field(ge=-1000.0, le=1000.0)]
 _Focal = Annotated[FiniteFloat, Field(gt=0.0)]
 _Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 _Point = tuple[_Place, _Place]
@@ -142,6 +143,25 @@ class ReconstructionEntry(_Part):
         return self
 
 
+class HeightsEntry(_Part):
+    """What the strip tells of heights; w = (column - width/2) / (width/2)."""
+
+    model_config = ConfigDict(title="Heights")
+
+    camera_mm: _Height = Field(description="Height of the camera above the surface.")
+    strip_top_mm: _Height = Field(description="Height of the strip's upper end.")
+    horizon_px: _Row = Field(
+        description="Row on which rays run level: coefficients of 1, w and w squared."
+    )
+    shear: tuple[FiniteFloat, FiniteFloat] = Field(
+        description="Columns by which an upright line moves right for each row down: coefficients "
+        "of 1 and w."
+    )
+    residual_px: _Millimetres = Field(description="RMS by which the strip's rows are off.")
+    camera_sigma_mm: _Millimetres = Field(description="Standard deviation of the first.")
+    strip_top_sigma_mm: _Millimetres = Field(description="Standard deviation of the second.")
+
+
 class CameraEntry(_Part):
     """One camera in its place."""
 
@@ -160,6 +180,9 @@ class CameraEntry(_Part):
     residual_mm: _Millimetres | None = Field(
         description="RMS distance of directing lines from touches at known places, of all if none "
         "was; null where there is none to go by."
+    )
+    heights: HeightsEntry | None = Field(
+        None, description="Null where the strip does not tell them."
     )
     empty_png: str = Field(
         description="Mean picture of the empty surface, in 1/256 grey levels: a 16-bit PNG, base64."
@@ -191,10 +214,13 @@ class CalibrationFile(SealedFile):
     model_config = ConfigDict(title="cornertouchd calibration")
 
     FORMAT: ClassVar[str] = "cornertouchd-calibration"
-    VERSION: ClassVar[int] = 2
+    VERSION: ClassVar[int] = 3
+    OLDER: ClassVar[tuple[int, ...]] = (2,)
 
     format: Literal["cornertouchd-calibration"]
-    version: Literal[2]
+    version: Literal[2, 3] = Field(
+        description="2 had no heights: these are measured anew from the empty pictures."
+    )
     method: Method = Field(description="How the cameras were calibrated.")
     created_at: str = Field(max_length=64, description="UTC, ISO 8601.")
     software: str = Field(max_length=64, description="Version of cornertouchd that wrote it.")

@@ -11,12 +11,14 @@ from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.observing import (
     find_strips,
     make_finders,
+    make_tracers,
     mean_pictures,
     observe_touches,
+    trace_touches,
 )
 from cornertouchd.calibration.touch_columns import TouchColumns
 from cornertouchd.config import VisionSettings
-from cornertouchd.model import FloatArray, Frame, PictureFormat
+from cornertouchd.model import FloatArray, Frame, Outlines, PictureFormat
 from cornertouchd.vision.finder import ShadowFinder
 from cornertouchd.vision.strip import Strip
 
@@ -45,7 +47,8 @@ class ReferenceTouches:
 
     `empties` are mean pictures of the empty surface, `touches` the columns of taps (places known)
     and scribble (places NaN).  `boards` are needed for the reconstruction only; `identities` are
-    those of `CameraCalibration`, where they are known.
+    those of `CameraCalibration`, where they are known.  `uprights` are the outlines of the taps, by
+    camera, where they were traced: a tap is a finger that stands more or less upright.
     """
 
     surface_mm: tuple[float, float]
@@ -55,6 +58,7 @@ class ReferenceTouches:
     touches: TouchColumns
     boards: Sequence[BoardSight] = ()
     identities: Mapping[str, str] = field(default_factory=dict)
+    uprights: Mapping[str, Sequence[Outlines]] = field(default_factory=dict)
 
 
 def gather_touches(
@@ -71,7 +75,8 @@ def gather_touches(
     strips = find_strips(empties)
     finders = make_finders(strips, empties, settings)
     _require_empty(empty, finders)
-    known = observe_touches(taps.frame_sets, finders)
+    tracers = make_tracers(finders, strips, empties, settings)
+    known, uprights = trace_touches(taps.frame_sets, finders, tracers)
     unknown = observe_touches(scribble, finders)
     nowhere = np.full((unknown.shape[1], 2), np.nan)
     touches = TouchColumns(
@@ -79,7 +84,7 @@ def gather_touches(
         np.concatenate([taps.points_mm, nowhere]),
         np.concatenate([taps.diameters_mm, nowhere[:, 0]]),
     )
-    return ReferenceTouches(surface_mm, formats, empties, strips, touches)
+    return ReferenceTouches(surface_mm, formats, empties, strips, touches, uprights=uprights)
 
 
 def _require_empty(empty: FrameSets, finders: Mapping[str, ShadowFinder]) -> None:

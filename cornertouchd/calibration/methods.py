@@ -10,12 +10,15 @@ from cornertouchd.calibration.calibration import (
     CalibrationError,
     CameraCalibration,
     Method,
+    Model,
 )
 from cornertouchd.calibration.fitted import Fitted, rms
 from cornertouchd.calibration.gathering import ReferenceTouches
+from cornertouchd.calibration.heights import heights_of_camera
 from cornertouchd.calibration.lookup import fit_lookup_tables
 from cornertouchd.calibration.reconstruction import fit_reconstruction
 from cornertouchd.calibration.vanishing import fit_vanishing_points
+from cornertouchd.locating.height_table import Heights
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,7 @@ def make_calibration(
             given.empties[camera],
             model,
             rms(telling),
+            _heights(given, camera, model),
         )
         for camera, model, telling in zip(given.formats, fitted.models, telling_mm, strict=True)
     )
@@ -82,3 +86,11 @@ def make_calibration(
         fitted.expected,
         cameras,
     )
+
+
+def _heights(given: ReferenceTouches, camera: str, model: Model) -> Heights | None:
+    """Return the heights that the strip of a camera tells, None if it was not seen."""
+    if camera not in given.strips:
+        return None
+    uprights = given.uprights.get(camera, ())
+    return heights_of_camera(camera, given.strips[camera], model, given.surface_mm, uprights)

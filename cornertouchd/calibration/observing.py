@@ -1,13 +1,16 @@
 """What the cameras saw while the surface was empty, and while it was touched at one place."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
 from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.config import VisionSettings
-from cornertouchd.model import FloatArray, Frame, Shadow
-from cornertouchd.vision.finder import ShadowFinder, make_finder
+from cornertouchd.model import FloatArray, Frame, Outlines, Shadow
+from cornertouchd.vision.finder import ProfileFinder, ShadowFinder, make_finder
+from cornertouchd.vision.outlines import OutlineTracer
+from cornertouchd.vision.profile import NoiseError
 from cornertouchd.vision.strip import Strip, StripNotFoundError, find_strip
 
 SMALLEST_WIDTH_PX = 1.2
@@ -63,6 +66,49 @@ def observe_touches(
         columns.append([edges[camera] for camera in finders])
     shape = (len(columns), len(finders), 2)
     return np.array(columns, dtype=np.float64).reshape(shape).transpose(1, 0, 2)
+
+
+def trace_touches(
+    frame_sets: Iterable[Sequence[Frame]],
+    finders: Mapping[str, ShadowFinder],
+    tracers: Mapping[str, OutlineTracer],
+) -> tuple[FloatArray, dict[str, list[Outlines]]]:
+    """Return the edges of one touch per frame set, as `observe_touches` does, and its outlines.
+
+    These are by camera, of the pictures in which it is the only one; cameras without a tracer have
+    none.
+    """
+    outlines: dict[str, list[Outlines]] = {camera: [] for camera in finders}
+
+    def traced(frames: Sequence[Frame]) -> Sequence[Frame]:
+        for frame in frames:
+            finder, tracer = finders[frame.camera], tracers.get(frame.camera)
+            if tracer is None or not isinstance(finder, ProfileFinder):
+                continue
+            with suppress(NoiseError):
+                shadows, gain = finder.find_with_hidden(frame.pixels)
+                if len(shadows) == 1:
+                    reference = finder.sampler.reference
+                    outlines[frame.camera].append(
+                        tracer.trace(frame.pixels, shadows, reference, gain)
+                    )
+        return frames
+
+    return observe_touches(map(traced, frame_sets), finders), outlines
+
+
+def make_tracers(
+    finders: Mapping[str, ShadowFinder],
+    strips: Mapping[str, Strip],
+    empties: Mapping[str, FloatArray],
+    settings: VisionSettings,
+) -> dict[str, OutlineTracer]:
+    """Return the tracer of every camera whose finder knows rows."""
+    return {
+        camera: OutlineTracer(strips[camera], empties[camera], finder.sampler.reference, settings)
+        for camera, finder in finders.items()
+        if isinstance(finder, ProfileFinder)
+    }
 
 
 def edges_of_touch(shadows: Iterable[Shadow]) -> tuple[float, float]:

@@ -26,6 +26,8 @@ class SealedFile(BaseModel):
 
     FORMAT: ClassVar[str]
     VERSION: ClassVar[int]
+    OLDER: ClassVar[tuple[int, ...]] = ()
+    """Versions that are read, too, but no longer written."""
 
     checksum: str = Field(
         pattern="^[0-9a-f]{64}$",
@@ -61,7 +63,7 @@ def unseal(content: bytes, kind: type[_Sealed], path: Path, remedy: str) -> _Sea
     raw = _parse(content, path, remedy)
     if raw.get("format") != kind.FORMAT:
         raise CalibrationError(f"{path}: is not a {kind.FORMAT} file; {remedy}")
-    if raw.get("version") != kind.VERSION:
+    if raw.get("version") not in (kind.VERSION, *kind.OLDER):
         raise CalibrationError(
             f"{path}: version {raw.get('version')!r:.20}, this software reads {kind.VERSION}; "
             f"{remedy}"

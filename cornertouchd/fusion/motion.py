@@ -6,6 +6,7 @@ edge is moved by its own velocity, which its place in the camera's picture befor
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -121,7 +122,11 @@ class CommonTime:
         if abs(ahead_s) < NEGLIGIBLE_S:
             return observation
         carried = Shadows(edges_px, valid, shadows.depth)
-        return Observation(observation.camera, observation.sequence, common_s, carried)
+        outlines = observation.outlines
+        if outlines is not None:  # an outline moves as its edge does, its light stays where it was
+            moved_px = (edges_px - shadows.edges_px)[:, :, None]
+            outlines = replace(outlines, columns_px=outlines.columns_px + moved_px)
+        return Observation(observation.camera, observation.sequence, common_s, carried, outlines)
 
 
 @inlined

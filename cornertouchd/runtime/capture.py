@@ -4,6 +4,7 @@ A camera that fails a set number of times in a row is taken out, closed and open
 growing delay between the attempts.
 """
 
+import logging
 import threading
 from dataclasses import dataclass
 
@@ -15,6 +16,9 @@ from cornertouchd.ports import Camera, CameraError, CameraPort
 from cornertouchd.runtime.faults import FaultLog
 from cornertouchd.runtime.latest import Latest
 from cornertouchd.vision.lighting import Lighting, lighting
+from cornertouchd.vision.strip_shift import StripShift
+
+_log = logging.getLogger("cornertouchd")
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +57,7 @@ class CaptureThread:
         self._frames = 0
         self._opened = 0
         self._live = False
+        self._shift: StripShift | None = None
 
     @property
     def camera(self) -> str:
@@ -153,7 +158,20 @@ class CaptureThread:
         self._frames += 1
         self._faults.good()
         self._box.put(frame.camera, observation)
+        self._watch_strip(frame)
         return True
+
+    def _watch_strip(self, frame: Frame) -> None:
+        """Tell when the strip is no longer on its rows; the observation is on its way."""
+        try:
+            shift = self._pipeline.find_strip_shift(frame)
+        except Exception as error:  # noqa: BLE001  pictures are observed without it
+            self._faults.fault("strip not watched", error, traceback_of=error)
+            return
+        if shift is self._shift:
+            return
+        self._shift = shift
+        _log.warning("camera %s: %s", frame.camera, shift or "the strip is where it was calibrated")
 
     def _close(self, camera: Camera) -> None:
         try:

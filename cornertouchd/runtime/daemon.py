@@ -16,6 +16,7 @@ from cornertouchd.runtime.capture import CaptureCounts, CaptureThread
 from cornertouchd.runtime.fusing import FusionCounts, FusionThread
 from cornertouchd.runtime.latest import Latest
 from cornertouchd.vision.background import MaskedColumns
+from cornertouchd.vision.strip_shift import StripShift
 
 _log = logging.getLogger("cornertouchd")
 
@@ -100,6 +101,11 @@ class Daemon:
     def masked_columns(self) -> Mapping[str, tuple[MaskedColumns, ...]]:
         """Return the columns of every camera that tell nothing now: dead LEDs, glare."""
         return {camera: pipeline.masked_columns for camera, pipeline in self._pipelines.items()}
+
+    def strip_shifts(self) -> Mapping[str, StripShift]:
+        """Return the cameras whose strips are not where they were calibrated, and how far off."""
+        shifts = {camera: pipeline.strip_shift for camera, pipeline in self._pipelines.items()}
+        return {camera: shift for camera, shift in shifts.items() if shift is not None}
 
     def _live_cameras(self) -> tuple[str, ...]:
         return tuple(capture.camera for capture in self._captures if capture.counts().live)

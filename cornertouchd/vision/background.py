@@ -161,6 +161,11 @@ class Background:
         self._refer_to(black, reference.light, reference.peak)
 
     @property
+    def reference(self) -> Reference:
+        """The empty strip as it is now: what the next picture is measured against."""
+        return self._reference
+
+    @property
     def masked_columns(self) -> tuple[MaskedColumns, ...]:
         """The columns of the strip that tell nothing now, from left to right."""
         reference, known = self._reference, self._known

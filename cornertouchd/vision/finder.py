@@ -30,17 +30,18 @@ class ProfileFinder:
         profile, reference = self.sampler.sample(picture), self.sampler.reference
         return find_shadows(profile, self._settings, sunlit=reference.sunlit)
 
-    def find_with_hidden(self, picture: Picture) -> Shadows:
-        """Return them with places where one could be hidden, as `find_shadows` does.
+    def find_with_hidden(self, picture: Picture) -> tuple[Shadows, float]:
+        """Return them with places where one could be hidden, as `find_shadows` does, and the gain.
 
         Raises `NoiseError` for a picture that cannot show the strip.
         """
         reference = self.sampler.reference
         measured = self.sampler.measure(picture, reference)
         measured.require_strip()
-        return find_shadows(
+        shadows = find_shadows(
             measured.profile, self._settings, sunlit=reference.sunlit, hiding=reference.on_strip
         )
+        return shadows, measured.gain
 
 
 def make_finder(strip: Strip, empty: FloatArray, settings: VisionSettings) -> ShadowFinder:

@@ -44,14 +44,17 @@ class StripNotFoundError(Exception):
 class Strip:
     """Rows of the strip in a camera's picture; every array is (width_px,), rows continuous.
 
-    `surface_px` is where the strip's rows meet the screen (z = 0), `top_px` its upper end.
+    `surface_px` is where the strip's rows meet the screen (z = 0), `top_px` its upper end,
+    `bottom_px` the lower end of the mirror image (of the strip itself where there is none).
     `horizon_px` is the row on which rays run at the height of the camera, whatever the distance.
+    Seen by a camera that hangs upside down, strip and mirror image have changed places.
     `visible` is False in columns that show something else than the strip: the own, adjacent
     strips, the frame corner, the camera in the far corner.
     """
 
     top_px: FloatArray
     surface_px: FloatArray
+    bottom_px: FloatArray
     horizon_px: FloatArray
     visible: BoolArray
     mirrored: bool
@@ -61,6 +64,11 @@ class Strip:
     def height_px(self) -> FloatArray:
         """Height of the direct strip, (width_px,)."""
         return self.surface_px - self.top_px
+
+    @property
+    def upside_down(self) -> bool:
+        """Whether the mirror image lies above the strip: the camera's horizon is in the strip."""
+        return self.mirrored and bool(np.mean(self.horizon_px - self.surface_px) > 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +104,7 @@ def find_strip(empty: FloatArray) -> Strip:
     visible = top_seen & surface_seen & ~_darkened(lit, corner)
     height = (bottom_px - top_px) / 2 if mirrored else surface_px - top_px
     horizon_px = surface_px - _camera_height_share(surface_px, height, visible) * height
-    return Strip(top_px, surface_px, horizon_px, visible, mirrored, dark)
+    return Strip(top_px, surface_px, bottom_px, horizon_px, visible, mirrored, dark)
 
 
 def _rows_by_column(lit: FloatArray) -> _ColumnRows:
@@ -250,11 +258,14 @@ def _camera_height_share(surface: FloatArray, height: FloatArray, visible: BoolA
 
     The horizon h(u) is smooth (camera tilt and roll: quadratic), and surface = h + share * height;
     the height varies with the distance of the strip, so the two can be told apart.  Outside
-    0.25..0.75 the fit is not believed: no rig has its cameras there.
+    0.25..0.75 the fit is not believed: no rig has its cameras there, unless they hang upside down;
+    then it is negative.
     """
     w = np.linspace(-1, 1, len(surface))
     terms = np.stack([np.ones_like(w), w, w * w, height], axis=1)
     share = np.linalg.lstsq(terms[visible], surface[visible], rcond=None)[0][3]
+    if -0.75 <= share <= -0.25:
+        return float(share)
     return float(np.clip(share, 0.25, 0.75))
 
 

@@ -29,6 +29,7 @@ from cornertouchd.calibration.file import (
 )
 from cornertouchd.calibration.file_schema import calibration_schema
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
+from cornertouchd.locating.height_table import Heights
 from cornertouchd.locating.lookup_table import LookupTable
 from cornertouchd.locating.reconstruction import BoardLens, Reconstruction
 from cornertouchd.locating.vanishing_point import Projection
@@ -46,12 +47,15 @@ MODELS: tuple[Model, ...] = (
 )
 TABLE = 2
 FULL_TABLE = LookupTable((350.0, 400.0), ((0.0, 10.0), (0.0, 5.0), (5.0, 0.0)), (3.5, 15.0, 30.25))
+HEIGHTS = Heights(5.9, 12.6, (23.5, -0.9, 0.25), (0.003, 1e-3), 0.03, 0.13, 0.05)
 LENS = {"focal_px": [20.0, 21.0], "centre_px": [16.0, 12.0]}
 
 
 def camera(name: str, model: Model) -> CameraCalibration:
     empty = np.random.default_rng(1).uniform(0, 255, (8, 32))
-    return CameraCalibration(name, f"usb 1234:5678 serial {name}", FORMAT, empty, model, 0.125)
+    identity = f"usb 1234:5678 serial {name}"
+    heights = HEIGHTS if name == "C1" else None
+    return CameraCalibration(name, identity, FORMAT, empty, model, 0.125, heights)
 
 
 def calibration(created_at: str = "2026-01-02T03:04:05+00:00") -> Calibration:
@@ -119,6 +123,14 @@ class TestWhatIsSavedIsLoaded:
             assert ours.empty == pytest.approx(theirs.empty, abs=1 / 500)
             if not isinstance(ours.model, LookupTable):
                 assert ours.model == theirs.model
+
+    def test_the_heights_where_the_strip_told_them(self, saved: Path) -> None:
+        assert [camera.heights for camera in load_calibration(saved).cameras] == [
+            HEIGHTS,
+            None,
+            None,
+            None,
+        ]
 
     def test_models_that_locate_as_before(self, tmp_path: Path) -> None:
         bends = (0.01, 0.0, 1e-3, 1e-3, 0.0, 0.02, 0.0, 0.0)
@@ -298,7 +310,7 @@ class TestRefused:
     @pytest.mark.parametrize(
         ("place", "value", "message"),
         [
-            ("version", 1, "version 1, this software reads 2"),
+            ("version", 1, "version 1, this software reads 3"),
             ("format", "something", "is not a cornertouchd-calibration file"),
             ("method", "magic", "method = 'magic'"),
             ("surface_mm", ["wide", 400], "surface_mm.0 = 'wide'"),
@@ -420,6 +432,9 @@ class TestTheSchema:
             ("cameras.3.model.lens.focal_px", [0.0, 20.0]),
             ("expected", GONE),
             ("cameras.0.identity", GONE),
+            ("cameras.0.heights.camera_mm", "high"),
+            ("cameras.0.heights.horizon_px", [1.0, 2.0]),
+            ("cameras.0.heights.shear", GONE),
         ],
     )
     def test_what_it_forbids_is_refused(self, saved: Path, place: str, value: object) -> None:

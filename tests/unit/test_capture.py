@@ -95,6 +95,9 @@ class StubPipeline:
             raise ValueError("a picture of another size")
         return Observation(frame.camera, frame.sequence, frame.captured_at_s, Shadows.of(()))
 
+    def find_strip_shift(self, frame: Frame) -> None:
+        """The strip is where it was."""
+
 
 @pytest.fixture
 def run() -> Iterator[object]:

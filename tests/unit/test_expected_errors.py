@@ -70,7 +70,7 @@ class Rig:
         touches = TouchColumns(edges, targets_mm, np.full(len(tapped), np.nan))
         names, width = self.cameras, SIZE.width_px
         row = np.zeros(width)
-        strip = Strip(row, row, row, np.full(width, True), False, 0.0)
+        strip = Strip(row, row, row, row, np.full(width, True), False, 0.0)
         sights = self.boards() if boards else ()
         return ReferenceTouches(
             SURFACE_MM,

@@ -22,7 +22,7 @@ def flat_strip(visible: slice = slice(0, WIDTH)) -> Strip:
     seen = np.zeros(WIDTH, bool)
     seen[visible] = True
     top, surface = np.full(WIDTH, 3.0), np.full(WIDTH, 8.0)
-    return Strip(top, surface, (top + surface) / 2, seen, mirrored=True, dark_level=2.0)
+    return Strip(top, surface, surface, (top + surface) / 2, seen, mirrored=True, dark_level=2.0)
 
 
 def picture_with_shadow(left: int, right: int) -> np.ndarray:

@@ -16,7 +16,13 @@ WIDTH, ROWS = 120, 24
 RIPPLE = 1 + 0.2 * np.sin(np.arange(WIDTH) / 3)
 TOP, SURFACE = np.full(WIDTH, 6.0), np.linspace(15.0, 17.0, WIDTH)
 STRIP = Strip(
-    TOP, SURFACE, (TOP + SURFACE) / 2, np.arange(WIDTH) < 110, mirrored=True, dark_level=2.0
+    TOP,
+    SURFACE,
+    SURFACE,
+    (TOP + SURFACE) / 2,
+    np.arange(WIDTH) < 110,
+    mirrored=True,
+    dark_level=2.0,
 )
 
 
@@ -119,6 +125,7 @@ def test_where_the_strip_rises_and_falls_each_column_is_measured_in_its_own_rows
     bend = 3.0 * np.sin(np.arange(WIDTH) / 4) + np.where(np.arange(WIDTH) % 3 == 0, 1.0, 0.0)
     bent = Strip(
         TOP + 2.0 + bend,
+        SURFACE + 2.0 + bend,
         SURFACE + 2.0 + bend,
         STRIP.horizon_px + 2.0 + bend,
         STRIP.visible,
