@@ -7,7 +7,7 @@ taken when the picture was taken.
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -154,6 +154,9 @@ class DirectingLines:
     deviation of an edge.  All arrays are (K,), ordered by `first_rad`.  `view_rad` are the first
     and the last angle that the camera looks at, without a jump between them: beside these it shows
     neither shadow nor light.
+
+    `edges` (2, K) are the edges of the picture that first and last angle belong to: twice the
+    number of the shadow, and one more for its right edge; empty if there is no picture.
     """
 
     camera: str
@@ -166,6 +169,20 @@ class DirectingLines:
     last_valid: BoolArray
     sigma_rad: FloatArray
     view_rad: tuple[float, float] = SEES_EVERYTHING
+    edges: NDArray[np.intp] = field(default_factory=lambda: np.empty((2, 0), np.intp))
+
+
+@dataclass(frozen=True, slots=True)
+class Lean:
+    """How a finger leans: by `angle_rad` from upright, away from its tip towards `azimuth_rad`.
+
+    The azimuth runs from +x towards +y; the sigmas are their standard deviations.
+    """
+
+    angle_rad: float
+    azimuth_rad: float
+    angle_sigma_rad: float
+    azimuth_sigma_rad: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +190,9 @@ class Contact:
     """A place touched in one frame set.
 
     `cameras` are those whose shadows it explains; `confidence` is 0..1; `sigma_mm` is the
-    standard deviation of the position.
+    standard deviation of the position.  The section of a finger at the height of the cameras lies
+    `section_shift_mm` beside its tip, because the finger leans; `lean` is None if nothing tells.
+    `touching` is False for what hovers.
     """
 
     x_mm: float
@@ -184,6 +203,13 @@ class Contact:
     sigma_mm: float
     touching: bool = True
     kind: ContactKind = "finger"
+    section_shift_mm: tuple[float, float] = (0.0, 0.0)
+    lean: Lean | None = None
+
+    @property
+    def section_mm(self) -> tuple[float, float]:
+        """Where the section is."""
+        return self.x_mm + self.section_shift_mm[0], self.y_mm + self.section_shift_mm[1]
 
 
 @dataclass(frozen=True, slots=True)

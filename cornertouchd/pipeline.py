@@ -6,6 +6,7 @@ SurfacePipeline, in the fusion thread:    FrameSet -> directing lines -> contact
 
 from cornertouchd.calibration.calibration import Calibration, CalibrationError, CameraCalibration
 from cornertouchd.calibration.drift import Drift, DriftWatch
+from cornertouchd.calibration.heights import height_table
 from cornertouchd.config import Settings
 from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.crossing import Crossing, make_crossing
@@ -13,6 +14,7 @@ from cornertouchd.fusion.denial import Darkness, without_denied
 from cornertouchd.fusion.dirt import Dirt, DirtWatch
 from cornertouchd.fusion.kinds import KindsOfContacts
 from cornertouchd.fusion.motion import CommonTime
+from cornertouchd.fusion.tips import TipFinder, Tips
 from cornertouchd.fusion.tracking import Tracker
 from cornertouchd.locating.line_table import LineTable, tabulate
 from cornertouchd.model import (
@@ -185,6 +187,21 @@ def calibrated_crossing(calibration: Calibration, settings: Settings) -> Crossin
     )
 
 
+def find_tips(calibration: Calibration, settings: Settings) -> TipFinder | None:
+    """Return what finds the tips of fingers; None if it is off, or heights are unknown."""
+    if not settings.touch_point.enabled or settings.vision.edges == "paper":
+        return None
+    tables = {}
+    for camera in calibration.cameras:
+        if camera.heights is None:
+            return None
+        strip = find_strip(camera.empty)
+        tables[camera.id] = height_table(
+            camera.id, strip, camera.model, calibration.surface_mm, camera.heights
+        )
+    return TipFinder(tables, settings.touch_point, calibration.surface_mm)
+
+
 class SurfacePipeline:
     """All cameras: frame sets in, contacts and touches out.  Owned by the fusion thread."""
 
@@ -197,6 +214,7 @@ class SurfacePipeline:
             if settings.crossing.method == "default"
             else None  # the paper knows but fingers
         )
+        self._tips = find_tips(calibration, settings)
         self._dirt = DirtWatch(settings.dirt, self._lines.values())
         self._common_time = CommonTime(
             settings.motion,
@@ -207,16 +225,20 @@ class SurfacePipeline:
 
     def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
         """Return what touches the surface in one frame set, whatever was before."""
-        return self._crossed(self._lay(frame_set), None).contacts
+        seen = self._lay(frame_set)
+        return self._located(self._crossed(seen, None), seen, frame_set)[0]
 
     def follow(self, frame_set: FrameSet) -> tuple[tuple[Contact, ...], tuple[Touch, ...]]:
         """Return what touches the surface now, and the touches that it continues or begins."""
         now_s = frame_set.captured_at_s
-        seen = self._lay(self._common_time.carry(self._dirt.set_aside(frame_set)))
+        carried = self._common_time.carry(self._dirt.set_aside(frame_set))
+        seen = self._lay(carried)
         crossed = self._crossed(seen, self._tracker.predict(now_s))
+        contacts, tips = self._located(crossed, seen, carried)
         self._dirt.learn(frame_set, crossed.contacts)
         whole = len(frame_set.observations) == len(self._lines)
-        return crossed.contacts, self._tracker.update(now_s, crossed, whole=whole, hides=seen.hides)
+        touches = self._tracker.update(now_s, crossed, tips=tips, whole=whole, hides=seen.hides)
+        return contacts, touches
 
     def _lay(self, frame_set: FrameSet) -> Darkness:
         """Lay all shadows on the surface."""
@@ -235,6 +257,14 @@ class SurfacePipeline:
         eyes = [*(self._lines[one.camera] for one in seen.lines), *seen.silent]
         crossed = without_denied(self._crossing.cross(seen.lines, predictions), seen.silent, eyes)
         return self._kinds.tell(crossed, seen.lines) if self._kinds else crossed
+
+    def _located(
+        self, crossed: Crossed, seen: Darkness, frame_set: FrameSet
+    ) -> tuple[tuple[Contact, ...], Tips]:
+        """Return the contacts where they touch; without heights, where their sections are."""
+        if self._tips is None:
+            return crossed.contacts, Tips.unknown(len(crossed.contacts))
+        return self._tips.find(crossed, seen.lines, frame_set.observations)
 
     @property
     def dirt(self) -> tuple[Dirt, ...]:

@@ -66,7 +66,7 @@ def _own_line(
         return None
     edges = camera.model.angles_rad(seen.shadows.edges_px)
     middles = edges.mean(axis=1)
-    away = np.array([contact.x_mm, contact.y_mm]) - camera.model.position_mm
+    away = np.array(contact.section_mm) - camera.model.position_mm
     near = np.flatnonzero(np.abs(normals(middles) @ away) < NEAREST_MM)
     if len(near) != 1:
         return None
@@ -86,7 +86,7 @@ def _lines(
     slopes_rad_px: FloatArray,
 ) -> TouchLines:
     n = normals(angles_rad)
-    away = np.array([contact.x_mm, contact.y_mm]) - origins_mm
+    away = np.array(contact.section_mm) - origins_mm
     distances = np.linalg.norm(away, axis=1)
     sigmas = np.hypot(SHAPE_SIGMA_MM, distances * slopes_rad_px * EDGE_SIGMA_PX)
     rows = n / sigmas[:, None]
@@ -98,4 +98,4 @@ def _lines(
     freedom[seen] = np.diag(left_over)
     effects[seen] = np.column_stack([n, distances]) / sigmas[:, None]
     sigmas_mm[seen] = sigmas
-    return TouchLines(contact.x_mm, contact.y_mm, misfits, freedom, effects, sigmas_mm)
+    return TouchLines(*contact.section_mm, misfits, freedom, effects, sigmas_mm)

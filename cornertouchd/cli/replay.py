@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import degrees
 from pathlib import Path
 from typing import IO, Any
 
@@ -14,7 +15,7 @@ from cornertouchd.calibration.observing import mean_pictures
 from cornertouchd.cli.targets import HostPort, SetRuns, Speed
 from cornertouchd.config import DestinationSettings, Settings, TuioSettings, read_settings
 from cornertouchd.devices.recording import open_recording
-from cornertouchd.model import TouchFrame
+from cornertouchd.model import Contact, TouchFrame
 from cornertouchd.ports import TouchSink
 from cornertouchd.runtime.assembly import make_tuio_sink
 from cornertouchd.runtime.clock import MonotonicClock
@@ -179,6 +180,16 @@ def _paced(
         yield replayed
 
 
+def _lean(contact: Contact) -> dict[str, float]:
+    """Return how a finger leans, in degrees, if that is known."""
+    if contact.lean is None:
+        return {}
+    return {
+        "lean_deg": round(degrees(contact.lean.angle_rad), 2),
+        "azimuth_deg": round(degrees(contact.lean.azimuth_rad), 1),
+    }
+
+
 def _as_json(replayed: ReplayedSet) -> dict[str, object]:
     """Return the line of a frame set; rounded far below what is measured."""
     return {
@@ -194,6 +205,7 @@ def _as_json(replayed: ReplayedSet) -> dict[str, object]:
                 "sigma_mm": round(contact.sigma_mm, 4),
                 "touching": contact.touching,
                 "kind": contact.kind,
+                **_lean(contact),
             }
             for contact in replayed.contacts
         ],

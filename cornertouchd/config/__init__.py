@@ -18,6 +18,7 @@ from cornertouchd.config.stages import (
     PairingSettings,
     PaperCrossingSettings,
     PaperVisionSettings,
+    TouchPointSettings,
     TrackingSettings,
     VisionSettings,
 )
@@ -39,6 +40,7 @@ __all__ = [
     "Settings",
     "SimulationSettings",
     "SurfaceSettings",
+    "TouchPointSettings",
     "TrackingSettings",
     "TuioSettings",
     "VisionSettings",

@@ -18,6 +18,7 @@ from cornertouchd.config.stages import (
     DirtSettings,
     MotionSettings,
     PairingSettings,
+    TouchPointSettings,
     TrackingSettings,
     VisionSettings,
 )
@@ -37,6 +38,7 @@ class Settings(Table):
     motion: MotionSettings = MotionSettings()
     dirt: DirtSettings = DirtSettings()
     crossing: CrossingSettings = CrossingSettings()
+    touch_point: TouchPointSettings = TouchPointSettings()
     tracking: TrackingSettings = TrackingSettings()
     tuio: TuioSettings = TuioSettings()
 

@@ -248,6 +248,24 @@ class CrossingSettings(Table):
     paper: PaperCrossingSettings = PaperCrossingSettings()
 
 
+class TouchPointSettings(Table):
+    """Where fingers touch, and whether they do, from the rows above and below the surface line."""
+
+    enabled: bool = Field(
+        True,
+        description="Report where the tip of a finger is. Off: its section at the height of the "
+        "cameras, which a leaning finger has 1 to 2 mm beside its tip; then what hovers counts as "
+        "a touch as well.",
+    )
+    touch_height_mm: float = Field(
+        0.0,
+        ge=0.0,
+        le=1.0,
+        description="How high above the surface a finger counts as touching, roughly; what hovers "
+        "higher is no touch.",
+    )
+
+
 class TrackingSettings(Table):
     """How contacts are followed from one instant to the next."""
 

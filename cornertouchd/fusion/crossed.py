@@ -1,5 +1,6 @@
 """What goes into a crossing besides lines, and what comes out: predictions, contacts, support."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,23 +36,41 @@ class Crossed:
     `supports` (N,) says by how much the shadows would be explained worse without the contact, in
     negative log likelihood: its margin plus what the contact itself costs.  `own_edges` (N,) counts
     the shadow edges that are its alone.  `predictions` (N,) is the number of the prediction that it
-    continues, -1 for a contact found without one.
+    continues, -1 for a contact found without one.  `edges` (N, C, 2) names the shadow of each
+    camera, in the order of the lines that were crossed, whose first and last edge is the contact's
+    alone, -1 for none; C is 0 if nobody knows.
     """
 
     contacts: tuple[Contact, ...]
     supports: FloatArray
     own_edges: IntArray
     predictions: IntArray
+    edges: IntArray
+
+    def take(self, kept: Sequence[int]) -> "Crossed":
+        """Return what belongs to these contacts."""
+        index = np.array(kept, np.intp)
+        return Crossed(
+            tuple(self.contacts[number] for number in kept),
+            self.supports[index],
+            self.own_edges[index],
+            self.predictions[index],
+            self.edges[index],
+        )
 
     @staticmethod
     def nothing() -> "Crossed":
         """Return the crossing of a frame set in which nothing touches."""
-        return Crossed((), np.empty(0), np.empty(0, np.intp), np.empty(0, np.intp))
+        return Crossed.unsupported((), np.empty(0))
 
     @staticmethod
     def unsupported(contacts: tuple[Contact, ...], supports: FloatArray) -> "Crossed":
         """Return contacts of a method that knows neither edges nor predictions."""
-        unknown = np.full(len(contacts), -1, np.intp)
+        count = len(contacts)
         return Crossed(
-            contacts, supports, np.array([2 * len(c.cameras) for c in contacts], np.intp), unknown
+            contacts,
+            supports,
+            np.array([2 * len(c.cameras) for c in contacts], np.intp),
+            np.full(count, -1, np.intp),
+            np.empty((count, 0, 2), np.intp),
         )

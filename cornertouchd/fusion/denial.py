@@ -57,13 +57,7 @@ def without_denied(crossed: Crossed, silent: Sequence[Eye], eyes: Sequence[Eye])
         for number, contact in enumerate(crossed.contacts)
         if not _is_denied(contact, silent, eyes)
     ]
-    index = np.array(kept, np.intp)
-    return Crossed(
-        tuple(crossed.contacts[number] for number in kept),
-        crossed.supports[index],
-        crossed.own_edges[index],
-        crossed.predictions[index],
-    )
+    return crossed.take(kept)
 
 
 def _is_denied(contact: Contact, silent: Sequence[Eye], eyes: Sequence[Eye]) -> bool:

@@ -12,7 +12,7 @@ from math import tanh
 import numpy as np
 
 from cornertouchd.fusion.crossed import Crossed, Predictions
-from cornertouchd.fusion.explanation import explain
+from cornertouchd.fusion.explanation import FIRST_EDGE, explain
 from cornertouchd.fusion.limits import DiscLimits
 from cornertouchd.model import Contact, DirectingLines
 
@@ -72,11 +72,12 @@ class EdgeCrossing:
         contacts = tuple(
             Contact(x, y, 2.0 * r, _named(names, cameras), tanh(margin / MARGIN_SCALE), sigma)
             for (x, y, r, sigma, margin, _), (_, cameras, _) in zip(
-                measured.tolist(), counted.tolist(), strict=True
+                measured.tolist(), counted[:, :FIRST_EDGE].tolist(), strict=True
             )
         )
         supports = measured[:, 4] + measured[:, 5]
-        return Crossed(contacts, supports, counted[:, 0], counted[:, 2])
+        edges = counted[:, FIRST_EDGE:].reshape(len(contacts), len(names), 2)
+        return Crossed(contacts, supports, counted[:, 0], counted[:, 2], edges)
 
 
 @lru_cache(maxsize=256)

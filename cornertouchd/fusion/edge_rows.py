@@ -72,10 +72,13 @@ class EdgeRows(NamedTuple):
 
 
 @inlined
-def edge_rows(seen: Sightings, width_mm: float, height_mm: float) -> tuple[EdgeRows, IntArray]:
+def edge_rows(
+    seen: Sightings, width_mm: float, height_mm: float
+) -> tuple[EdgeRows, IntArray, IntArray]:
     """Collect the rows of all cameras that have a usable shadow; the others are left out.
 
-    Also returns which cameras they are, by their numbers among all.  The surface is so large.
+    Also returns which cameras they are, by their numbers among all, and which shadow of `seen` each
+    one is.  The surface is so large.
     """
     kept, counts = _usable_shadows(seen)
     cameras, shadows = 0, len(kept)
@@ -107,7 +110,7 @@ def edge_rows(seen: Sightings, width_mm: float, height_mm: float) -> tuple[EdgeR
         for shadow in range(start, end):
             _write_shadow(rows, camera, shadow, seen, kept[shadow])
         camera, start = camera + 1, end
-    return rows, seeing
+    return rows, seeing, kept
 
 
 @inlined

@@ -31,6 +31,9 @@ from cornertouchd.fusion.rescue import (
 from cornertouchd.fusion.selection import Explanation, cheapest_explanation
 from cornertouchd.model import BoolArray, FloatArray
 
+FIRST_EDGE = 3
+"""The columns of what is counted of a contact that precede the edges which it owns."""
+
 FINGERS, PENS, MISSED = 0, 1, 2
 """What is sought, the later ones only when the earlier ones leave edges unexplained."""
 
@@ -51,6 +54,8 @@ def _search(
 @inlined
 def _contacts(
     seeing: IntArray,
+    kept: IntArray,
+    first_of_camera: IntArray,
     bounds: DiscBounds,
     pool: Pool,
     explanation: Explanation,
@@ -58,7 +63,7 @@ def _contacts(
 ) -> tuple[FloatArray, IntArray]:
     chosen = explanation.chosen
     measured = np.empty((len(chosen), 6))
-    counted = np.zeros((len(chosen), 3), np.intp)
+    counted = np.full((len(chosen), FIRST_EDGE + 2 * len(first_of_camera)), -1, np.intp)
     for place in range(len(chosen)):
         x, y, radius = row_of_three(refined.discs, place)
         measured[place, 0] = min(max(x, 0.0), bounds.width_mm)
@@ -67,11 +72,15 @@ def _contacts(
         measured[place, 3] = refined.sigma_mm[place]
         measured[place, 4] = explanation.margins[place]
         measured[place, 5] = pool.own[chosen[place]]
+        counted[place, 0] = counted[place, 1] = 0
         counted[place, 2] = pool.prediction[chosen[place]]
         for row in range(refined.owned.shape[1]):
             if refined.owned[place, row]:
                 counted[place, 0] += 1
-                counted[place, 1] |= 1 << seeing[row // 2]
+                camera = seeing[row // 2]
+                counted[place, 1] |= 1 << camera
+                shadow = kept[pool.shadows[chosen[place], row // 2]]
+                counted[place, FIRST_EDGE + 2 * camera + row % 2] = shadow - first_of_camera[camera]
     return measured, counted
 
 
@@ -100,14 +109,15 @@ def explain(
     radius_variances_mm2: FloatArray,
     costs_of_predicted: FloatArray,
 ) -> tuple[FloatArray, IntArray]:
-    """Return N contacts as two tables, (N, 6) and (N, 3).
+    """Return N contacts as two tables, (N, 6) and (N, 3 + 2 C).
 
     The first holds x, y, r, the sigma of the position, the margin and the own cost; the second how
-    many edges a contact owns, the cameras of which it owns one, as bits, and the number of the
-    prediction that it continues, or -1.  The arguments are those of `Sightings`, `DiscLimits` and
+    many edges a contact owns, the cameras of which it owns one, as bits, the number of the
+    prediction that it continues, or -1, and for first and last edge in each camera the shadow whose
+    it owns, or -1.  The arguments are those of `Sightings`, `DiscLimits` and
     `Predictions`; `is_followed` tells whether touches are followed, though there may be none yet.
     """
-    rows, seeing = edge_rows(
+    rows, seeing, kept = edge_rows(
         Sightings(
             positions_mm,
             views_rad,
@@ -122,7 +132,7 @@ def explain(
         height_mm,
     )
     if len(seeing) < 2:
-        return np.empty((0, 6)), np.empty((0, 3), np.intp)
+        return np.empty((0, 6)), np.empty((0, FIRST_EDGE + 2 * len(shadow_counts)), np.intp)
     predicted = PredictedDiscs(
         predicted_discs, position_variances_mm2, radius_variances_mm2, costs_of_predicted
     )
@@ -158,4 +168,5 @@ def explain(
         if not is_needed(rows, unexplained, len(explanation.chosen)):
             break
     refined = refine(pool, explanation.chosen, rows, predicted)
-    return _contacts(seeing, everything, pool, explanation, refined)
+    first_of_camera = np.cumsum(shadow_counts) - shadow_counts
+    return _contacts(seeing, kept, first_of_camera, everything, pool, explanation, refined)

@@ -15,6 +15,7 @@ from cornertouchd.fusion.evidence import (
     start_believing,
 )
 from cornertouchd.fusion.kalman import advance, follow, start_moving
+from cornertouchd.fusion.leaning import is_lifted, lean, start_leaning
 from cornertouchd.fusion.smoothing import show, show_first, show_last
 from cornertouchd.fusion.track_rows import (
     AT_RADIUS,
@@ -47,12 +48,14 @@ def _report_if_sure(
     whole: bool,
 ) -> int:
     """Give the track the next id if it is a touch for sure; return the last id."""
-    if is_palm(track) or not is_sure(track, contact, rules[CONFIRM_FRAMES], whole):
+    if is_palm(track) or contact[TOUCHES] == 0.0:
+        return last_id
+    if not is_sure(track, contact, rules[CONFIRM_FRAMES], whole):
         return last_id
     track[ID] = last_id + 1
     track[REPORTED_AT_S] = now_s
     believe_from_now_on(track, contact)
-    show_first(track, contact, now_s)
+    show_first(track, contact, now_s, rules)
     return last_id + 1
 
 
@@ -69,6 +72,7 @@ def _begin(
     """Make a track of a contact that continues none; return the last id."""
     track[:] = 0.0
     start_moving(track, contact)
+    start_leaning(track, contact, rules)
     start_believing(track, contact)
     for number in range(len(expected)):
         # what a palm falls apart into when the hand lifts
@@ -93,6 +97,7 @@ def _go_on(
         return last_id
     believe(track, contact, elapsed_s)
     follow(track, contact)
+    lean(track, contact, rules, elapsed_s)
     if is_reported(track):
         show(track, now_s, rules)
         return last_id
@@ -152,7 +157,7 @@ def updated(
         else:
             taken[partner] = True
             last_id = _go_on(track, contacts[partner], rules, now_s, elapsed_s, last_id, whole)
-        if goes_on(track, rules[COAST_FRAMES], hidden[number]):
+        if goes_on(track, rules[COAST_FRAMES], hidden[number]) and not is_lifted(track):
             count += 1
     for number in range(len(contacts)):
         if not taken[number]:

@@ -216,12 +216,7 @@ def _without_guesses(crossed: Crossed) -> Crossed:
         for number, contact in enumerate(crossed.contacts)
         if contact.kind == "palm" or not guessed[number]
     ]
-    return Crossed(
-        tuple(crossed.contacts[number] for number in kept),
-        crossed.supports[kept],
-        crossed.own_edges[kept],
-        crossed.predictions[kept],
-    )
+    return crossed.take(kept)
 
 
 def _is_clear_finger(crossed: Crossed, number: int) -> bool:
@@ -266,10 +261,13 @@ def _joined(
     What joins several continues the prediction of the best supported one that has any.
     """
     members = [list(group) for group in groups] + [[number] for number in others]
+    edges = crossed.edges[[group[0] for group in members]]
+    edges[: len(groups)] = -1  # a palm has no tip
     continued = [[int(p) for p in crossed.predictions[group] if p >= 0] for group in members]
     return Crossed(
         told,
         supports=np.array([crossed.supports[group].sum() for group in members]),
         own_edges=np.array([crossed.own_edges[group].sum() for group in members], np.intp),
         predictions=np.array([(of_group or [-1])[0] for of_group in continued], np.intp),
+        edges=edges,
     )

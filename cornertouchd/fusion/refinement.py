@@ -10,6 +10,7 @@ import numpy as np
 
 from cornertouchd.compiling import inlined
 from cornertouchd.fusion.candidates import LARGEST_POSITION_SIGMA_MM
+from cornertouchd.fusion.cholesky import factorise, solve, variance_of_term
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import EdgeRows, row_of_three, variance_of
 from cornertouchd.fusion.pool import FINGER_RADII_MM, SIZE_SIGMA_MM, Pool
@@ -55,11 +56,11 @@ def refine(pool: Pool, chosen: IntArray, rows: EdgeRows, predicted: PredictedDis
                 moments[i] += weight * row[i] * offset
                 for j in range(i + 1):
                     information[i, j] += weight * row[i] * row[j]
-        _factorise(information)
+        factorise(information)
         refined.sigma_mm[place] = np.sqrt(
-            max(_variance(information, 0, known), _variance(information, 1, known))
+            max(variance_of_term(information, 0, known), variance_of_term(information, 1, known))
         )
-        _solve(information, moments)
+        solve(information, moments)
         refined.discs[place, 0], refined.discs[place, 1] = moments[0], moments[1]
         refined.discs[place, 2] = moments[2]
     return refined
@@ -116,40 +117,3 @@ def _write_priors(
         size_weight * radius,
     )
     moments[3] = moments[4] = 0.0
-
-
-@inlined
-def _factorise(matrix: FloatArray) -> None:
-    """Replace the lower triangle of a positive definite matrix by its Cholesky factor."""
-    for i in range(len(matrix)):
-        for j in range(i + 1):
-            rest = matrix[i, j]
-            for k in range(j):
-                rest -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = np.sqrt(rest) if i == j else rest / matrix[j, j]
-
-
-@inlined
-def _solve(factor: FloatArray, values: FloatArray) -> None:
-    """Replace the right-hand side by the solution."""
-    for i in range(len(values)):
-        for k in range(i):
-            values[i] -= factor[i, k] * values[k]
-        values[i] /= factor[i, i]
-    for i in range(len(values) - 1, -1, -1):
-        for k in range(i + 1, len(values)):
-            values[i] -= factor[k, i] * values[k]
-        values[i] /= factor[i, i]
-
-
-@inlined
-def _variance(factor: FloatArray, place: int, column: FloatArray) -> float:
-    """Return one element of the diagonal of the inverse."""
-    total = 0.0
-    for i in range(place, len(column)):
-        column[i] = 1.0 if i == place else 0.0
-        for k in range(place, i):
-            column[i] -= factor[i, k] * column[k]
-        column[i] /= factor[i, i]
-        total += column[i] * column[i]
-    return total

@@ -20,6 +20,8 @@ from cornertouchd.fusion.track_rows import (
     REST_SINCE_S,
     REST_X,
     REST_Y,
+    SHIFT_X,
+    SHIFT_Y,
     SHOWN_SPEED_X,
     SHOWN_SPEED_Y,
     SHOWN_X,
@@ -32,12 +34,12 @@ from cornertouchd.fusion.track_rows import (
     TAKEN_AT_S,
     TAKEN_X,
     TAKEN_Y,
+    TIP_X,
+    TIP_Y,
     TREND_CUTOFF_HZ,
     TREND_X,
     TREND_Y,
     WIDTH,
-    X,
-    Y,
 )
 from cornertouchd.model import FloatArray
 
@@ -61,15 +63,15 @@ def _share(cutoff_hz: float, elapsed_s: float) -> float:
 def _smooth(track: FloatArray, elapsed_s: float, rules: FloatArray) -> None:
     """Take in where the track is; a cutoff of 0 lets all through."""
     trend_share = _share(rules[TREND_CUTOFF_HZ], elapsed_s)
-    track[TREND_X] += trend_share * ((track[X] - track[TAKEN_X]) / elapsed_s - track[TREND_X])
-    track[TREND_Y] += trend_share * ((track[Y] - track[TAKEN_Y]) / elapsed_s - track[TREND_Y])
-    track[TAKEN_X], track[TAKEN_Y] = track[X], track[Y]
+    track[TREND_X] += trend_share * ((track[TIP_X] - track[TAKEN_X]) / elapsed_s - track[TREND_X])
+    track[TREND_Y] += trend_share * ((track[TIP_Y] - track[TAKEN_Y]) / elapsed_s - track[TREND_Y])
+    track[TAKEN_X], track[TAKEN_Y] = track[TIP_X], track[TIP_Y]
     share = 1.0
     if rules[CUTOFF_HZ] > 0.0:
         speed = sqrt(track[TREND_X] ** 2 + track[TREND_Y] ** 2)
         share = _share(rules[CUTOFF_HZ] + rules[BETA] * speed, elapsed_s)
-    track[SMOOTH_X] += share * (track[X] - track[SMOOTH_X])
-    track[SMOOTH_Y] += share * (track[Y] - track[SMOOTH_Y])
+    track[SMOOTH_X] += share * (track[TIP_X] - track[SMOOTH_X])
+    track[SMOOTH_Y] += share * (track[TIP_Y] - track[SMOOTH_Y])
 
 
 @inlined
@@ -106,9 +108,10 @@ def _ahead(place_mm: float, speed_mm_s: float, ahead_s: float, side_mm: float) -
 
 
 @inlined
-def show_first(track: FloatArray, contact: FloatArray, now_s: float) -> None:
+def show_first(track: FloatArray, contact: FloatArray, now_s: float, rules: FloatArray) -> None:
     """Report the measurement itself, at rest: nothing is known of its motion."""
-    x, y = contact[AT_X], contact[AT_Y]
+    x = min(max(contact[AT_X] + track[SHIFT_X], 0.0), rules[WIDTH])
+    y = min(max(contact[AT_Y] + track[SHIFT_Y], 0.0), rules[HEIGHT])
     track[TAKEN_AT_S] = track[REST_SINCE_S] = now_s
     track[TAKEN_X], track[TAKEN_Y] = x, y
     track[TREND_X] = track[TREND_Y] = 0.0

@@ -25,6 +25,13 @@ from cornertouchd.model import FloatArray
     COVARIANCE,
     SPEED_VARIANCE,
     RADIUS_VARIANCE,
+    # leaning: how far the tip is beside the section, where it is, and how long it hovers
+    SHIFT_X,
+    SHIFT_Y,
+    SHIFT_VARIANCE,
+    TIP_X,
+    TIP_Y,
+    HOVERS_S,
     # evidence: how firmly it is believed in, how often it was seen, and missed since
     LOG_ODDS,
     SEEN,
@@ -49,8 +56,8 @@ from cornertouchd.model import FloatArray
     REST_SINCE_S,
     BEHIND_X,
     BEHIND_Y,
-) = range(36)
-TRACK_COLUMNS = 36
+) = range(42)
+TRACK_COLUMNS = 42
 TOLD_COLUMNS = 6
 
 (
@@ -67,8 +74,13 @@ TOLD_COLUMNS = 6
     SUPPORT,
     OWN_EDGES,
     CONTINUES,
-) = range(11)
-CONTACT_COLUMNS = 11
+    # what its rows tell
+    TIP_SHIFT_X,
+    TIP_SHIFT_Y,
+    TIP_VARIANCE,
+    GAP,
+) = range(15)
+CONTACT_COLUMNS = 15
 OWN_COLUMNS = 8
 
 # what the settings say, one array for all touches; a cutoff of 0 lets all through

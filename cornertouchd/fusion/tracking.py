@@ -16,6 +16,7 @@ from cornertouchd.fusion.assignment import assign, largest_sigma_mm
 from cornertouchd.fusion.crossed import Crossed, IntArray, Predictions
 from cornertouchd.fusion.evidence import SIGHTS_OF_A_LASTING_TOUCH, SUPPORT_OF_HIDDEN
 from cornertouchd.fusion.following import predicted, updated
+from cornertouchd.fusion.tips import Tips
 from cornertouchd.fusion.track_rows import (
     AHEAD_S,
     BETA,
@@ -25,6 +26,7 @@ from cornertouchd.fusion.track_rows import (
     CONTINUES,
     CUTOFF_HZ,
     DEAD_BAND,
+    GAP,
     HEIGHT,
     ID,
     IS_PALM,
@@ -36,7 +38,11 @@ from cornertouchd.fusion.track_rows import (
     RULES,
     SEEN,
     SUPPORT,
+    TIP_SHIFT_X,
+    TIP_SHIFT_Y,
+    TIP_VARIANCE,
     TOLD_COLUMNS,
+    TOUCHES,
     TRACK_COLUMNS,
     TREND_CUTOFF_HZ,
     WIDTH,
@@ -112,20 +118,24 @@ class Tracker:
         captured_at_s: float,
         crossed: Crossed,
         *,
+        tips: Tips | None = None,
         whole: bool = True,
         hides: Hides | None = None,
     ) -> tuple[Touch, ...]:
         """Return the touches after a frame set with these contacts, by ascending id.
 
-        A touch is first reported where its contact was measured.  One that is not seen rests where
-        it was last for `coast_frames` frame sets before it ends, those that were skipped included,
-        and longer where others hide it, as `hides` says.  New touches wait to be seen again if the
-        frame set is not `whole`: if a camera is missing.  When time does not advance, or
-        leaps, all touches end and the contacts become new ones.
+        The contacts are sections; `tips` says where they touch.  A touch is first reported where it
+        was measured, and ends when light has passed below it for some frame sets.  One that is not
+        seen rests where it was last for `coast_frames` frame sets before it ends, those that were
+        skipped included, and longer where others hide it, as `hides` says.  New touches wait to be
+        seen again if the frame set is not `whole`: if a camera is missing.  When time does not
+        advance, or leaps, all touches end and the contacts become new ones.
         """
         elapsed_s = self._advance(captured_at_s)
         expected = self._predicted[0]
-        contacts = _contact_rows(crossed, self._settings.report_palms)
+        contacts = _contact_rows(
+            crossed, tips or Tips.unknown(len(crossed.contacts)), self._settings.report_palms
+        )
         partners = assign(expected, contacts, self._settings.gate_mm)
         periods = self._period.count(elapsed_s)
         self._tracks, self._last_id = updated(
@@ -191,7 +201,7 @@ def _hidden(
     return hidden
 
 
-def _contact_rows(crossed: Crossed, report_palms: bool) -> FloatArray:
+def _contact_rows(crossed: Crossed, tips: Tips, report_palms: bool) -> FloatArray:
     """Return what counts of the contacts as rows; where palms are reported, none is one."""
     rows = np.empty((len(crossed.contacts), CONTACT_COLUMNS))
     if len(rows):
@@ -199,6 +209,10 @@ def _contact_rows(crossed: Crossed, report_palms: bool) -> FloatArray:
         rows[:, SUPPORT] = crossed.supports
         rows[:, OWN_EDGES] = crossed.own_edges
         rows[:, CONTINUES] = crossed.predictions
+        rows[:, TIP_SHIFT_X : TIP_SHIFT_Y + 1] = tips.shifts_mm
+        rows[:, TIP_VARIANCE] = tips.variances_mm2
+        rows[:, GAP] = tips.gaps
+        rows[tips.gaps > 1.0, TOUCHES] = 0.0
         if report_palms:
             rows[:, IS_PALM] = 0.0
     return rows

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cornertouchd.compiling import compiled, inlined
 from cornertouchd.geometry import is_in_view
@@ -36,7 +37,8 @@ class LineTable:
         """
         lines = np.empty((4, len(shadows)))
         valid = np.empty((2, len(shadows)), np.bool_)
-        count = _lay(shadows.edges_px, shadows.valid, self.angles_rad, lines, valid)
+        edges = np.empty((2, len(shadows)), np.intp)
+        count = _lay(shadows.edges_px, shadows.valid, self.angles_rad, lines, valid, edges)
         first, centre, last, slopes = lines[:, :count]
         return DirectingLines(
             self.camera,
@@ -49,6 +51,7 @@ class LineTable:
             last_valid=valid[1, :count],
             sigma_rad=slopes * edge_sigma_px,
             view_rad=self.view_rad,
+            edges=edges[:, :count],
         )
 
     def sees(self, x_mm: float, y_mm: float) -> bool:
@@ -83,16 +86,18 @@ def _angle(table: FloatArray, column: float) -> float:
     return float(table[below] + (column - below) * (table[below + 1] - table[below]))
 
 
-@compiled("i8(f8[:,::1], b1[:,::1], f8[::1], f8[:,::1], b1[:,::1])")
+@compiled("i8(f8[:,::1], b1[:,::1], f8[::1], f8[:,::1], b1[:,::1], i8[:,::1])")
 def _lay(
     edges_px: FloatArray,
     edge_valid: BoolArray,
     table: FloatArray,
     lines: FloatArray,
     valid: BoolArray,
+    edges: NDArray[np.intp],
 ) -> int:
     """Fill in first, centre, last angle and slope (4, K), which ends are valid (2, K); count them.
 
+    And which edges of the picture they are (2, K): a left one has twice the number of its shadow.
     Ordered by first angle; a camera that hangs upside down counts its columns against the angle.
     """
     count = 0
@@ -116,17 +121,21 @@ def _lay(
         slope = _angle(table, centre + 0.5) - _angle(table, centre - 0.5)
         if math.isnan(slope):  # the middle of a shadow lies in a gap of the model
             slope = (last - first) / (right - left)
+        begins = 0
         if first > last:
             first, last = last, first
             left_valid, right_valid = right_valid, left_valid
+            begins = 1
         place = count
         while place > 0 and lines[0, place - 1] > first:
             for row in range(4):
                 lines[row, place] = lines[row, place - 1]
             valid[0, place], valid[1, place] = valid[0, place - 1], valid[1, place - 1]
+            edges[0, place], edges[1, place] = edges[0, place - 1], edges[1, place - 1]
             place -= 1
         lines[0, place], lines[1, place] = first, _angle(table, centre)
         lines[2, place], lines[3, place] = last, abs(slope)
         valid[0, place], valid[1, place] = left_valid, right_valid
+        edges[0, place], edges[1, place] = 2 * shadow + begins, 2 * shadow + 1 - begins
         count += 1
     return count

@@ -78,6 +78,7 @@ class OracleCrossing:
             supports[believed],
             np.count_nonzero(refined.owned, axis=1)[believed],
             chosen.prediction[believed],
+            np.empty((int(np.count_nonzero(believed)), 0, 2), np.intp),
         )
 
     def _contacts(

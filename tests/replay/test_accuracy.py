@@ -6,6 +6,7 @@ from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 from scipy.optimize import linear_sum_assignment
 
@@ -51,27 +52,16 @@ def errors(found: dict[int, Points], true: dict[int, Points]) -> tuple[np.ndarra
     return np.array(off), missed, ghosts
 
 
-def rmse(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def test_single_fingers(whole_recordings: Path, calibration_file: Path, tmp_path: Path) -> None:
-    directory = whole_recordings / "single_small"
-    found = contacts(directory, calibration_file, tmp_path / "single.jsonl")
-    section, missed, ghosts = errors(found, truth(directory, "section_x_mm", "section_y_mm"))
-    point, _, _ = errors(found, truth(directory, "x_mm", "y_mm"))
-    assert missed <= 0.01 * len(section)
+@pytest.mark.parametrize("name", ["single_small", "multi02_small"])
+def test_touches_are_told_where_the_tips_of_fingers_are(
+    whole_recordings: Path, calibration_file: Path, tmp_path: Path, name: str
+) -> None:
+    directory = whole_recordings / name
+    found = contacts(directory, calibration_file, tmp_path / "touches.jsonl")
+    off, missed, ghosts = errors(found, truth(directory, "x_mm", "y_mm"))
+    assert missed <= 0.01 * len(off)
     assert ghosts == 0
-    assert rmse(section) <= 0.6
-    assert rmse(point) <= 1.1
-
-
-def test_two_fingers(whole_recordings: Path, calibration_file: Path, tmp_path: Path) -> None:
-    directory = whole_recordings / "multi02_small"
-    found = contacts(directory, calibration_file, tmp_path / "two.jsonl")
-    section, missed, ghosts = errors(found, truth(directory, "section_x_mm", "section_y_mm"))
-    assert (missed, ghosts) == (0, 0)
-    assert rmse(section) <= 0.6
+    assert np.percentile(off, 95) <= 0.3
 
 
 def test_nothing_is_found_where_nothing_is(

@@ -184,6 +184,7 @@ class TestJoining:
             supports=np.array([6.0, 20.0, 9.0, 5.5]),
             own_edges=np.array([2, 8, 3, 1]),
             predictions=np.array([4, 7, -1, 2]),
+            edges=np.zeros((4, 4, 2), np.intp),
         )
         told = KindsOfContacts(CrossingSettings(), SURFACE_MM).tell(crossed, lines)
         assert [contact.kind for contact in told.contacts] == ["palm", "finger"]

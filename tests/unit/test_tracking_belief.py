@@ -40,6 +40,7 @@ def crossed(
         np.full(count, support),
         np.full(count, own_edges, np.intp),
         np.array(continues, np.intp),
+        np.empty((count, 0, 2), np.intp),
     )
 
 
@@ -480,6 +481,7 @@ def test_whatever_a_crossing_says_touches_come_from_contacts_and_stay_sound(
             np.array([data.draw(st.floats(-5.0, 40.0) | st.just(math.nan)) for _ in contacts]),
             np.array([data.draw(st.integers(0, 8)) for _ in contacts], np.intp),
             np.array([data.draw(st.integers(-1, predicted)) for _ in contacts], np.intp),
+            np.empty((len(contacts), 0, 2), np.intp),
         )
         touches = tracker.update(now_s, told)
         counts = [*counts[-2:], len(contacts)]

@@ -1,0 +1,294 @@
+"""Rays: what the outlines of shadows say in space, one line of sight for each row of an edge.
+
+A row of the strip looks a little up, one of its mirror image a little down.  The mirror is
+unfolded: a ray that the screen reflects goes straight on below the surface, where it grazes the
+mirror image of the finger.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cornertouchd.compiling import inlined
+from cornertouchd.fusion.crossed import IntArray
+from cornertouchd.fusion.edge_rows import row_of_three
+from cornertouchd.geometry import unit_vectors
+from cornertouchd.model import BoolArray, FloatArray, Outlines
+
+# What outlines deviate from those of any smooth finger, and how exactly they are traced.
+OUTLINE_SIGMA_MM = 0.12
+TRACE_SIGMA_PX = 0.12
+# An edge that was lost after two rows may have been another one's.
+FEWEST_RAYS_OF_AN_EDGE = 3
+# Nearer to a camera than this the picture shows nothing but the finger.
+NEAREST_MM = 1.0
+
+# Columns of what is known of a camera's columns.
+HORIZON, ROWS_PER_SLOPE, SHEAR, BOTTOM, VISIBLE = range(5)
+# Columns of rays: where they begin, their unit direction, the unit normal (level) that points into
+# the shadow, by how much they rise for each millimetre along the surface, one over their
+# standard deviation at the contact, and the number of their edge.
+EYE_X, EYE_Y, EYE_Z, ALONG_X, ALONG_Y, ALONG_Z, INTO_X, INTO_Y, SLOPE, WEIGHT, EDGE = range(11)
+RAY_COLUMNS = 11
+
+
+class SeesHeights(Protocol):
+    """Which way the columns and rows of a camera look, as `HeightTable` has it."""
+
+    @property
+    def x_mm(self) -> float: ...  # noqa: D102
+    @property
+    def y_mm(self) -> float: ...  # noqa: D102
+    @property
+    def camera_mm(self) -> float: ...  # noqa: D102
+    @property
+    def horizon_px(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def rows_per_slope_px(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def shear(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def angles_rad(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def bottom_px(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def visible(self) -> BoolArray: ...  # noqa: D102
+
+
+class Views(NamedTuple):
+    """What is known of C cameras: `eyes` (C, 3), and their columns one after the other.
+
+    Camera c owns the columns from `first_column[c]` up to `first_column[c + 1]` of `by_column`
+    (W, 5), with the columns `HORIZON` .. `VISIBLE`; in `directions` (W + C, 2) it has one more: the
+    unit vectors, level, at columns 0, 1, 2, ...  Between two of them an interpolated one is as good
+    as another unit vector, to 2e-6.
+    """
+
+    eyes: FloatArray
+    first_column: IntArray
+    by_column: FloatArray
+    directions: FloatArray
+
+
+class Traces(NamedTuple):
+    """The outlines of C cameras one after the other.
+
+    Camera c owns those from `first_outline[c]` up to `first_outline[c + 1]` of `columns_px` and
+    `rows_px` (K, 2, L).  Its light is in `light` from `light_shape[c, 0]` on, `light_shape[c, 1]`
+    rows of `light_shape[c, 2]`; `light_at` and `light_row_px` (W,) are by column, as in `Views`.
+    """
+
+    first_outline: IntArray
+    columns_px: FloatArray
+    rows_px: FloatArray
+    light: NDArray[np.float32]
+    light_shape: IntArray
+    light_at: NDArray[np.int32]
+    light_row_px: NDArray[np.int32]
+
+
+def views_of(cameras: Sequence[SeesHeights]) -> Views:
+    """Put the tables of at least one camera one after the other."""
+    return Views(
+        np.array([(one.x_mm, one.y_mm, one.camera_mm) for one in cameras], np.float64),
+        np.cumsum([0, *(len(one.horizon_px) for one in cameras)], dtype=np.intp),
+        np.concatenate(
+            [
+                np.column_stack(
+                    [one.horizon_px, one.rows_per_slope_px, one.shear, one.bottom_px, one.visible]
+                )
+                for one in cameras
+            ]
+        ).astype(np.float64),
+        unit_vectors(np.concatenate([one.angles_rad for one in cameras]).astype(np.float64)),
+    )
+
+
+def traces_of(outlines: Sequence[Outlines]) -> Traces:
+    """Put the outlines of at least one camera one after the other."""
+    sizes = [one.light.shape for one in outlines]
+    starts = np.cumsum([0, *(rows * columns for rows, columns in sizes[:-1])])
+    return Traces(
+        np.cumsum([0, *(len(one.columns_px) for one in outlines)], dtype=np.intp),
+        _stacked([one.columns_px for one in outlines]),
+        _stacked([one.rows_px for one in outlines]),
+        np.concatenate([one.light.ravel() for one in outlines]),
+        np.column_stack([starts, np.array(sizes, np.intp)]),
+        np.concatenate([one.light_at for one in outlines]),
+        np.concatenate([one.light_row_px for one in outlines]),
+    )
+
+
+def _stacked(edges: Sequence[FloatArray]) -> FloatArray:
+    """Return all (K, 2, L), with as many rows as the longest has."""
+    longest = max(one.shape[2] for one in edges)
+    if all(one.shape[2] == longest for one in edges):
+        return np.concatenate(edges)
+    return np.concatenate(
+        [
+            np.pad(one, ((0, 0), (0, 0), (0, longest - one.shape[2])), constant_values=np.nan)
+            for one in edges
+        ]
+    )
+
+
+@inlined
+def write_rays(
+    views: Views,
+    traces: Traces,
+    owned: IntArray,
+    contact: int,
+    x_mm: float,
+    y_mm: float,
+    radius_mm: float,
+    rays: FloatArray,
+) -> tuple[int, int, int]:
+    """Write the rays of the edges that a contact owns; count them, the edges, and the cameras.
+
+    `owned` (N, C, 2) is the number of the camera's outline whose left and right edge are the
+    contact's, -1 for none; `rays` has room for all levels of 2 C edges.
+    """
+    eyes, first_column, by_column, directions = views
+    columns_px, rows_px = traces.columns_px, traces.rows_px
+    count = edges = cameras = 0
+    for camera in range(len(eyes)):
+        away_mm = np.hypot(x_mm - eyes[camera, 0], y_mm - eyes[camera, 1])
+        if not away_mm > radius_mm + NEAREST_MM:
+            continue
+        before_camera = edges
+        outlines = traces.first_outline[camera + 1] - traces.first_outline[camera]
+        for edge in range(2):
+            number = owned[contact, camera, edge]
+            if number < 0 or number >= outlines:
+                continue
+            outline = traces.first_outline[camera] + number
+            before_edge = count
+            for level in range(columns_px.shape[2]):
+                count += _write_ray(
+                    eyes,
+                    first_column,
+                    by_column,
+                    directions,
+                    camera,
+                    edge,
+                    columns_px[outline, edge, level],
+                    rows_px[outline, edge, level],
+                    x_mm,
+                    y_mm,
+                    rays,
+                    count,
+                )
+            if count - before_edge < FEWEST_RAYS_OF_AN_EDGE:
+                count = before_edge
+                continue
+            rays[before_edge:count, EDGE] = edges
+            edges += 1
+        cameras += edges > before_camera
+    return count, edges, cameras
+
+
+@inlined
+def without_edge(rays: FloatArray, count: int, edge: int) -> int:
+    """Take the rays of an edge out of the first `count`; return how many are left."""
+    kept = 0
+    for ray in range(count):
+        if rays[ray, EDGE] != edge:
+            rays[kept] = rays[ray]
+            kept += 1
+    return kept
+
+
+@inlined
+def every_second(rays: FloatArray, count: int) -> int:
+    """Leave every second one of the first `count` rays out; return how many are left."""
+    for kept in range(1, (count + 1) // 2):
+        rays[kept] = rays[2 * kept]
+    return (count + 1) // 2
+
+
+@inlined
+def _write_ray(
+    eyes: FloatArray,
+    first_column: IntArray,
+    by_column: FloatArray,
+    directions: FloatArray,
+    camera: int,
+    edge: int,
+    column_px: float,
+    row_px: float,
+    x_mm: float,
+    y_mm: float,
+    rays: FloatArray,
+    place: int,
+) -> int:
+    """Write the ray of one place of an edge; return 1, or 0 if it tells nothing."""
+    width_px = first_column[camera + 1] - first_column[camera]
+    if not 0.0 <= column_px <= width_px:
+        return 0
+    below, share = column_at(first_column, camera, column_px)
+    horizon_px = between(by_column, below, share, HORIZON)
+    below_horizon_px = row_px - horizon_px
+    slope = -below_horizon_px / between(by_column, below, share, ROWS_PER_SLOPE)
+    level_px = column_px - between(by_column, below, share, SHEAR) * below_horizon_px
+    if not (between(by_column, below, share, VISIBLE) == 1.0 and 0.0 <= level_px <= width_px):
+        return 0
+    cos, sin, angle_per_px = direction_at(first_column, directions, camera, level_px)
+    eye_x, eye_y, eye_z = row_of_three(eyes, camera)
+    along_mm = (x_mm - eye_x) * cos + (y_mm - eye_y) * sin
+    if not (along_mm > NEAREST_MM and np.isfinite(slope) and np.abs(angle_per_px) > 0.0):
+        return 0  # it looks elsewhere, or nobody knows where
+    # the left edge has the first angle, but for a camera that hangs upside down
+    side = np.copysign(1.0, angle_per_px) * (1.0 if edge == 0 else -1.0)
+    shrink = 1.0 / np.sqrt(1.0 + slope * slope)
+    trace_mm = TRACE_SIGMA_PX * angle_per_px * along_mm
+    rays[place, EYE_X], rays[place, EYE_Y], rays[place, EYE_Z] = eye_x, eye_y, eye_z
+    rays[place, ALONG_X], rays[place, ALONG_Y] = cos * shrink, sin * shrink
+    rays[place, ALONG_Z] = slope * shrink
+    rays[place, INTO_X], rays[place, INTO_Y] = -side * sin, side * cos
+    rays[place, SLOPE] = slope
+    rays[place, WEIGHT] = 1.0 / np.sqrt(OUTLINE_SIGMA_MM**2 + trace_mm * trace_mm)
+    return 1
+
+
+@inlined
+def height_over(rays: FloatArray, ray: int, x_mm: float, y_mm: float) -> float:
+    """Return how high above the surface a ray passes a place; negative in the mirror image."""
+    dx, dy = x_mm - rays[ray, EYE_X], y_mm - rays[ray, EYE_Y]
+    # along the surface it runs at right angles to the normal
+    along_mm = np.abs(rays[ray, INTO_X] * dy - rays[ray, INTO_Y] * dx)
+    return float(rays[ray, EYE_Z] + rays[ray, SLOPE] * along_mm)
+
+
+@inlined
+def column_at(first_column: IntArray, camera: int, column_px: float) -> tuple[int, float]:
+    """Return the number of a column within the picture, and how far beyond its centre."""
+    first, last = first_column[camera], first_column[camera + 1] - 1
+    below = min(max(first + int(column_px - 0.5), first), last - 1)
+    return below, min(max(column_px - 0.5 - (below - first), 0.0), 1.0)
+
+
+@inlined
+def between(by_column: FloatArray, below: int, share: float, which: int) -> float:
+    """Return what is known between the centres of a column and the next one."""
+    low = by_column[below, which]
+    return float(low + share * (by_column[below + 1, which] - low))
+
+
+@inlined
+def direction_at(
+    first_column: IntArray, directions: FloatArray, camera: int, column_px: float
+) -> tuple[float, float, float]:
+    """Return the unit vector of a column on the horizon, and how far it turns for each column.
+
+    All are NaN where nobody knows.
+    """
+    first = first_column[camera]
+    width_px = first_column[camera + 1] - first
+    below = min(max(int(column_px), 0), width_px - 1)
+    share = column_px - below
+    place = first + camera + below
+    x, y = directions[place, 0], directions[place, 1]
+    dx, dy = directions[place + 1, 0] - x, directions[place + 1, 1] - y
+    return x + share * dx, y + share * dy, x * dy - y * dx

@@ -1,0 +1,257 @@
+"""The table of touch points: the section of every contact, improved by the edges that it owns."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cornertouchd.compiling import compiled, inlined
+from cornertouchd.fusion.capsule_fit import (
+    LEAN_X,
+    LEAN_Y,
+    PRESSED,
+    PRESSED_MM,
+    PRESSED_SIGMA_MM,
+    RADIUS,
+    TAPER,
+    TAPER_MEAN,
+    TAPER_SIGMA,
+    UNKNOWNS,
+    X,
+    Y,
+    fit_capsule,
+    worst_edge,
+)
+from cornertouchd.fusion.cholesky import write_inverse_column
+from cornertouchd.fusion.crossed import IntArray
+from cornertouchd.fusion.edge_rows import row_of_three
+from cornertouchd.fusion.hover import gap_number
+from cornertouchd.fusion.rays import (
+    RAY_COLUMNS,
+    Traces,
+    Views,
+    every_second,
+    without_edge,
+    write_rays,
+)
+from cornertouchd.fusion.touch_fit import FEWEST_RAYS, fit_touch
+from cornertouchd.model import FloatArray
+
+SECTION, SHAPE_FREE, CAPSULE = range(3)
+"""How a touch point was found."""
+
+# Where the section of a finger lies beside its touch, in each direction, for each millimetre of the
+# camera's height: .87 mm RMS on the small rig of the path-traced pictures, whose cameras stand 6 mm
+# high.  A touch that is farther away, in its sigmas, is not believed.
+SHIFT_SHARE = 0.105
+FARTHEST_SIGMAS = 8.0
+# Lean of fingers, as a slope, that nobody knows; and by how much that of the tip alone is off.
+UNKNOWN_LEAN_SIGMA, TIP_LEAN_SIGMA = 0.5, 0.35
+UNKNOWN_AZIMUTH_SIGMA_RAD = np.pi / np.sqrt(3.0)
+# Two edges leave everything open.  Three fit whatever they are, and of four that do not, none can
+# be told to be another finger's: measured errors are two to three times what the fit expects.
+FEWEST_EDGES, FEWEST_CHECKED, UNCHECKED = 3, 4, 6.0
+# Neighbouring rays of an edge share their errors: with so many edges every second one will do.
+MANY_EDGES = 5
+# A capsule is believed if its rays fit it as well as those of fingers do and nothing about it is
+# strange for a finger: discs and pens want no round tip, what hovers wants one above the surface.
+LARGEST_COST, LARGEST_STRANGENESS = 1.0, 3.0
+SMALLEST_RADIUS_MM, LARGEST_RADIUS_MM = 2.5, 13.0
+# Errors that rays of an edge share, and that all edges share: rays tell less than if each stood for
+# itself.  With these, 95 % of the capsules in path-traced pictures lie within 1.8 sigmas.
+RAYS_IN_ONE = 2.0
+CALIBRATION_SIGMA_MM = 0.04
+
+# Columns of the table of touch points.
+AT_X, AT_Y, XX, XY, YY, AT_RADIUS = range(6)
+LEAN, AZIMUTH, LEAN_SIGMA, AZIMUTH_SIGMA = range(6, 10)
+METHOD, GAP, GAP_CAMERAS = range(10, 13)
+COLUMNS = 13
+
+
+class Room(NamedTuple):
+    """Where the rays of one contact and its fits are written."""
+
+    rays: FloatArray
+    touch: FloatArray
+    touch_information: FloatArray
+    capsule: FloatArray
+    capsule_information: FloatArray
+    rows: FloatArray
+
+
+@inlined
+def _write_section(
+    points: FloatArray,
+    contact: int,
+    x_mm: float,
+    y_mm: float,
+    radius_mm: float,
+    sigma_mm: float,
+    camera_mm: float,
+) -> None:
+    """Write what is known of a contact without its rows."""
+    points[contact, :] = 0.0
+    points[contact, AT_X], points[contact, AT_Y] = x_mm, y_mm
+    points[contact, AT_RADIUS] = radius_mm
+    points[contact, XX] = points[contact, YY] = sigma_mm**2 + (SHIFT_SHARE * camera_mm) ** 2
+    points[contact, LEAN_SIGMA] = UNKNOWN_LEAN_SIGMA
+    points[contact, AZIMUTH_SIGMA] = UNKNOWN_AZIMUTH_SIGMA_RAD
+    points[contact, METHOD] = SECTION
+
+
+@inlined
+def _fit(
+    views: Views, traces: Traces, owned: IntArray, contact: int, points: FloatArray, room: Room
+) -> None:
+    """Improve the section by the edges that it owns, as far as they tell."""
+    x, y = points[contact, AT_X], points[contact, AT_Y]
+    radius = points[contact, AT_RADIUS]
+    if not radius < LARGEST_RADIUS_MM:
+        return  # palms have no tip
+    count, edges, cameras = write_rays(views, traces, owned, contact, x, y, radius, room.rays)
+    if cameras < 2 or edges < FEWEST_EDGES:
+        return
+    touch, information = room.touch, room.touch_information
+    used, misfit = fit_touch(room.rays, count, x, y, radius, touch, information)
+    if used < FEWEST_RAYS:
+        return
+    variance_mm2 = points[contact, XX]
+    doubt = RAYS_IN_ONE * max(misfit, 1.0) * (UNCHECKED if edges <= FEWEST_CHECKED else 1.0)
+    if _is_near(touch[0] - x, touch[1] - y, variance_mm2):
+        _write_fit(points, contact, SHAPE_FREE, touch, information, 2, doubt)
+    if edges == FEWEST_EDGES:
+        return
+    if edges >= MANY_EDGES:
+        count = every_second(room.rays, count)
+    cost = _fit_capsule(room, count, x, y, radius)
+    if not cost < LARGEST_COST and edges > FEWEST_CHECKED:  # one edge may be another finger's
+        count = without_edge(room.rays, count, worst_edge(room.rays, count, room.rows))
+        cost = _fit_capsule(room, count, x, y, radius)
+    if cost < LARGEST_COST and _is_finger(room.capsule, x, y, variance_mm2):
+        points[contact, AT_RADIUS] = room.capsule[RADIUS]
+        information, doubt = room.capsule_information, RAYS_IN_ONE * max(cost, 1.0)
+        _write_fit(points, contact, CAPSULE, room.capsule, information, LEAN_X, doubt)
+
+
+@inlined
+def _is_near(dx_mm: float, dy_mm: float, variance_mm2: float) -> bool:
+    return bool(dx_mm * dx_mm + dy_mm * dy_mm < FARTHEST_SIGMAS**2 * variance_mm2)
+
+
+@inlined
+def _fit_capsule(room: Room, count: int, x_mm: float, y_mm: float, radius_mm: float) -> float:
+    """Fit one, beginning where the touch was found; return what its rays cost on average."""
+    capsule, expected = room.capsule, np.empty(UNKNOWNS)
+    expected[X], expected[Y], expected[RADIUS] = x_mm, y_mm, radius_mm
+    expected[LEAN_X] = expected[LEAN_Y] = 0.0
+    expected[PRESSED], expected[TAPER] = PRESSED_MM, TAPER_MEAN
+    capsule[:] = expected
+    capsule[X], capsule[Y] = room.touch[0], room.touch[1]
+    capsule[LEAN_X], capsule[LEAN_Y] = room.touch[2], room.touch[3]
+    return fit_capsule(room.rays, count, expected, capsule, room.capsule_information, room.rows)
+
+
+@inlined
+def _is_finger(capsule: FloatArray, x_mm: float, y_mm: float, variance_mm2: float) -> bool:
+    """Whether a capsule is as fingers are: not flat as a disc or thin as a pen, nor in the air."""
+    return bool(
+        abs(capsule[PRESSED] - PRESSED_MM) < LARGEST_STRANGENESS * PRESSED_SIGMA_MM
+        and abs(capsule[TAPER] - TAPER_MEAN) < LARGEST_STRANGENESS * TAPER_SIGMA
+        and SMALLEST_RADIUS_MM < capsule[RADIUS] < LARGEST_RADIUS_MM
+        and _is_near(capsule[X] - x_mm, capsule[Y] - y_mm, variance_mm2)
+    )
+
+
+@inlined
+def _write_fit(
+    points: FloatArray,
+    contact: int,
+    method: int,
+    terms: FloatArray,
+    factor: FloatArray,
+    lean: int,
+    doubt: float,
+) -> None:
+    """Write a touch, its lean (from term number `lean` on) and their covariances times `doubt`.
+
+    Nothing is written if what is there tells as much.
+    """
+    column = np.empty(len(terms))
+    write_inverse_column(factor, 0, column)
+    xx, xy = doubt * column[0] + CALIBRATION_SIGMA_MM**2, doubt * column[1]
+    write_inverse_column(factor, 1, column)
+    yy = doubt * column[1] + CALIBRATION_SIGMA_MM**2
+    if not xx + yy < points[contact, XX] + points[contact, YY]:
+        return
+    points[contact, XX], points[contact, XY], points[contact, YY] = xx, xy, yy
+    points[contact, AT_X], points[contact, AT_Y] = terms[0], terms[1]
+    points[contact, METHOD] = method
+    extra = TIP_LEAN_SIGMA**2 if method == SHAPE_FREE else 0.0
+    write_inverse_column(factor, lean, column)
+    lean_xx, lean_xy = doubt * column[lean] + extra, doubt * column[lean + 1]
+    write_inverse_column(factor, lean + 1, column)
+    lean_yy = doubt * column[lean + 1] + extra
+    _write_lean(points, contact, terms[lean], terms[lean + 1], lean_xx, lean_xy, lean_yy)
+
+
+@inlined
+def _write_lean(
+    points: FloatArray, contact: int, x: float, y: float, xx: float, xy: float, yy: float
+) -> None:
+    """Turn a slope with its covariance into angles and theirs."""
+    slope = np.hypot(x, y)
+    cos, sin = (x / slope, y / slope) if slope > 0.0 else (1.0, 0.0)
+    along = xx * cos * cos + 2.0 * xy * cos * sin + yy * sin * sin
+    across = xx * sin * sin - 2.0 * xy * cos * sin + yy * cos * cos
+    points[contact, LEAN], points[contact, AZIMUTH] = np.arctan(slope), np.arctan2(sin, cos)
+    points[contact, LEAN_SIGMA] = np.sqrt(max(along, 0.0)) / (1.0 + slope * slope)
+    points[contact, AZIMUTH_SIGMA] = min(
+        np.sqrt(max(across, 0.0)) / max(slope, 1e-9), UNKNOWN_AZIMUTH_SIGMA_RAD
+    )
+
+
+@compiled(
+    "f8[:,::1](f8[:,::1], i8[::1], f8[:,::1], f8[:,::1], i8[::1], f8[:,:,::1], f8[:,:,::1],"
+    " f4[::1], i8[:,::1], i4[::1], i4[::1], f8[:,::1], f8[::1], i8[:,:,::1])"
+)
+def touch_points(
+    eyes: FloatArray,
+    first_column: IntArray,
+    by_column: FloatArray,
+    directions: FloatArray,
+    first_outline: IntArray,
+    columns_px: FloatArray,
+    rows_px: FloatArray,
+    light: NDArray[np.float32],
+    light_shape: IntArray,
+    light_at: NDArray[np.int32],
+    light_row_px: NDArray[np.int32],
+    discs: FloatArray,
+    sigma_mm: FloatArray,
+    owned: IntArray,
+) -> FloatArray:
+    """Return the table of N touch points, (N, 13), with the columns `AT_X` .. `GAP_CAMERAS`.
+
+    The arguments are those of `Views`, `Traces` and `TouchPointFinder.find`.
+    """
+    views = Views(eyes, first_column, by_column, directions)
+    traces = Traces(first_outline, columns_px, rows_px, light, light_shape, light_at, light_row_px)
+    room = Room(
+        np.empty((2 * len(eyes) * columns_px.shape[2], RAY_COLUMNS)),
+        np.empty(6),
+        np.empty((6, 6)),
+        np.empty(UNKNOWNS),
+        np.empty((UNKNOWNS, UNKNOWNS)),
+        np.empty((2 * len(eyes) * columns_px.shape[2], UNKNOWNS + 1)),
+    )
+    points = np.empty((len(discs), COLUMNS))
+    for contact in range(len(discs)):
+        x, y, radius = row_of_three(discs, contact)
+        _write_section(points, contact, x, y, radius, sigma_mm[contact], float(np.mean(eyes[:, 2])))
+        _fit(views, traces, owned, contact, points, room)
+        gap, cameras = gap_number(
+            views, traces, points[contact, AT_X], points[contact, AT_Y], points[contact, AT_RADIUS]
+        )
+        points[contact, GAP], points[contact, GAP_CAMERAS] = gap, cameras
+    return points
