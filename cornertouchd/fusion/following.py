@@ -15,12 +15,13 @@ from cornertouchd.fusion.evidence import (
     start_believing,
 )
 from cornertouchd.fusion.kalman import advance, follow, start_moving
-from cornertouchd.fusion.leaning import is_lifted, lean, start_leaning
+from cornertouchd.fusion.leaning import LARGEST_GAP, hovers, is_lifted, lean, start_leaning
 from cornertouchd.fusion.smoothing import show, show_first, show_last
 from cornertouchd.fusion.track_rows import (
     AT_RADIUS,
     COAST_FRAMES,
     CONFIRM_FRAMES,
+    GAP,
     ID,
     LOG_ODDS,
     PALM_RADIUS,
@@ -48,7 +49,7 @@ def _report_if_sure(
     whole: bool,
 ) -> int:
     """Give the track the next id if it is a touch for sure; return the last id."""
-    if is_palm(track) or contact[TOUCHES] == 0.0:
+    if is_palm(track) or hovers(contact):
         return last_id
     if not is_sure(track, contact, rules[CONFIRM_FRAMES], whole):
         return last_id
@@ -144,7 +145,7 @@ def updated(
     `whole` says whether all cameras saw the frame set.
     """
     tracks = np.zeros((len(expected) + len(contacts), TRACK_COLUMNS))
-    taken = contacts[:, TOUCHES] == 0.0
+    taken = (contacts[:, TOUCHES] == 0.0) | (contacts[:, GAP] > LARGEST_GAP)
     count = 0
     for number in range(len(expected)):
         track = tracks[count]

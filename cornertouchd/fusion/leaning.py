@@ -27,8 +27,9 @@ from cornertouchd.model import FloatArray
 # and as they move it changes by half a millimetre within a second.
 UNKNOWN_SHIFT_MM2 = 0.9**2 / 2.0
 SHIFT_GROWTH_MM2_S = 0.25
-# A touch is lifted when this much more light than a touch lets through has passed below it for so
-# long: 1 of 100 touches shows 1.1 now and then, what hovers 2 and more.
+# What begins to touch lets no more light than this through, in units of `Tips.gaps`.  A touch is
+# lifted when clearly more has passed below it for so long: what hovers shows 1.4 and more.
+LARGEST_GAP = 1.0
 LIFTED_GAP = 1.3
 LIFTED_AFTER_S = 0.02
 
@@ -52,6 +53,12 @@ def lean(track: FloatArray, contact: FloatArray, rules: FloatArray, elapsed_s: f
     track[TIP_X] = min(max(track[X] + track[SHIFT_X], 0.0), rules[WIDTH])
     track[TIP_Y] = min(max(track[Y] + track[SHIFT_Y], 0.0), rules[HEIGHT])
     track[HOVERS_S] = track[HOVERS_S] + elapsed_s if contact[GAP] > LIFTED_GAP else 0.0
+
+
+@inlined
+def hovers(contact: FloatArray) -> bool:
+    """Whether a contact does not touch yet; False if nobody can tell."""
+    return bool(contact[GAP] > LARGEST_GAP)
 
 
 @inlined

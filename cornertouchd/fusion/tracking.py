@@ -42,7 +42,6 @@ from cornertouchd.fusion.track_rows import (
     TIP_SHIFT_Y,
     TIP_VARIANCE,
     TOLD_COLUMNS,
-    TOUCHES,
     TRACK_COLUMNS,
     TREND_CUTOFF_HZ,
     WIDTH,
@@ -212,7 +211,6 @@ def _contact_rows(crossed: Crossed, tips: Tips, report_palms: bool) -> FloatArra
         rows[:, TIP_SHIFT_X : TIP_SHIFT_Y + 1] = tips.shifts_mm
         rows[:, TIP_VARIANCE] = tips.variances_mm2
         rows[:, GAP] = tips.gaps
-        rows[tips.gaps > 1.0, TOUCHES] = 0.0
         if report_palms:
             rows[:, IS_PALM] = 0.0
     return rows
