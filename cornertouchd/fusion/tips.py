@@ -5,7 +5,8 @@ beside its section is followed on its own: it changes slowly, and is not always 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -82,10 +83,18 @@ class TipFinder:
     def _owned(self, edges: IntArray, lines: Sequence[DirectingLines]) -> IntArray:
         """Return which outline's left and right edge are each contact's, (N, cameras, 2)."""
         owned = np.full((len(edges), len(self._cameras), 2), -1, np.intp)
-        for number, camera in enumerate(lines):
-            contact, side = np.nonzero(edges[:, number] >= 0)
-            edge = camera.edges[side, edges[contact, number, side]]
-            owned[contact, self._cameras.index(camera.camera), edge % 2] = edge // 2
+        cameras = [self._cameras.index(one.camera) for one in lines]
+        edges_of_pictures = [one.edges.tolist() for one in lines]
+        contact, camera, side = np.nonzero(edges >= 0)
+        shadow = edges[contact, camera, side]
+        edge = np.array(
+            [
+                edges_of_pictures[c][s][k]
+                for c, s, k in zip(camera.tolist(), side.tolist(), shadow.tolist(), strict=True)
+            ],
+            np.intp,
+        )
+        owned[contact, np.array(cameras, np.intp)[camera], edge % 2] = edge // 2
         return owned
 
     def _tips(self, contacts: Sequence[Contact], points: TouchPoints) -> Tips:
@@ -106,14 +115,17 @@ class TipFinder:
         return tuple(
             contact
             if contact.kind == "palm"
-            else replace(
-                contact,
-                x_mm=contact.x_mm + dx_mm,
-                y_mm=contact.y_mm + dy_mm,
-                sigma_mm=sigma_mm,
-                touching=not gap > 1.0,
-                section_shift_mm=(-dx_mm, -dy_mm),
-                lean=Lean(*lean) if variance < np.inf else None,
+            else Contact(
+                contact.x_mm + dx_mm,
+                contact.y_mm + dy_mm,
+                contact.diameter_mm,
+                contact.cameras,
+                contact.confidence,
+                sigma_mm,
+                not gap > 1.0,
+                contact.kind,
+                (-dx_mm, -dy_mm),
+                Lean(*lean) if variance < inf else None,
             )
             for contact, (dx_mm, dy_mm), sigma_mm, gap, variance, lean in zip(
                 contacts,
