@@ -24,14 +24,16 @@ from cornertouchd.pipeline import (
     CameraPipeline,
     SurfacePipeline,
     calibrated_crossing,
+    find_tips,
     line_tables,
 )
 from cornertouchd.wire.mapping import DisplayMapping
 from cornertouchd.wire.tuio import TuioSession
 
-STAGES = ("vision", "pairing", "laying", "crossing", "tracking", "TUIO")
+STAGES = ("vision", "pairing", "laying", "crossing", "tips", "tracking", "TUIO")
 """What is timed one by one: all cameras' pictures to observations, those to a frame set, shadows to
-directing lines, lines to contacts, contacts to touches, touches to datagrams."""
+directing lines, lines to contacts, those to where they touch, contacts to touches, touches to
+datagrams."""
 
 BLOCK_SETS, WARM_SETS = 50, 2
 """Paths take turns in blocks of so many frame sets, so that a machine that gets slower or faster
@@ -117,6 +119,7 @@ class StagedPath:
         self._lines = line_tables(calibration)
         self._edge_sigma_px = settings.crossing.edge_sigma_px
         self._crossing = calibrated_crossing(calibration, settings)
+        self._tips = find_tips(calibration, settings)
         self._tracker = Tracker(settings.tracking, calibration.surface_mm)
         self._session = _session(calibration)
 
@@ -139,12 +142,18 @@ class StagedPath:
         predicted_ns = time.perf_counter_ns()
         crossed = self._crossing.cross(lines, predictions)
         crossed_ns = time.perf_counter_ns()
-        touches = self._tracker.update(frame_set.captured_at_s, crossed)
+        tips = None
+        if self._tips is not None:
+            _, tips = self._tips.find(crossed, lines, frame_set.observations)
+        located_ns = time.perf_counter_ns()
+        touches = self._tracker.update(frame_set.captured_at_s, crossed, tips=tips)
         tracked_ns = time.perf_counter_ns()
         self._session.frame(TouchFrame(frame_set.captured_at_s, touches))
-        # to predict is a part of tracking: its time is moved behind that of crossing
-        crossing_done_ns = laid_ns + crossed_ns - predicted_ns
-        return len(touches), (seen_ns, paired_ns, laid_ns, crossing_done_ns, tracked_ns)
+        # to predict is a part of tracking: its time is moved behind those of crossing and tips
+        predicting_ns = predicted_ns - laid_ns
+        crossing_done_ns, tips_done_ns = crossed_ns - predicting_ns, located_ns - predicting_ns
+        done_ns = (seen_ns, paired_ns, laid_ns, crossing_done_ns, tips_done_ns, tracked_ns)
+        return len(touches), done_ns
 
 
 def _session(calibration: Calibration) -> TuioSession:
