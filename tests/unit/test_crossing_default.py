@@ -22,6 +22,7 @@ from scipy.optimize import linear_sum_assignment
 from cornertouchd.config import CrossingSettings
 from cornertouchd.fusion.crossing import make_crossing
 from cornertouchd.fusion.edge_crossing import EdgeCrossing
+from cornertouchd.geometry import wrap_angle
 from cornertouchd.model import Contact, DirectingLines
 
 
@@ -339,3 +340,20 @@ def test_a_doubtful_contact_has_less_confidence_than_a_clear_one() -> None:
     doubtful = crossing()(bearings_of(discs, ("C1", "C2")))
     clear = crossing()(bearings_of(discs))
     assert max(c.confidence for c in doubtful) < min(c.confidence for c in clear)
+
+
+def test_contacts_name_the_edges_that_are_theirs_alone() -> None:
+    discs = [(90.0, 150.0, 6.0), (240.3, 260.1, 5.5), (150.2, 330.7, 7.1)]
+    seen = bearings_of(discs)
+    # one shadow is no interval: those behind it keep the numbers that they had
+    seen[0] = replace(seen[0], last_rad=np.append(seen[0].first_rad[:1], seen[0].last_rad[1:]))
+    crossed = make_crossing(CrossingSettings(), SURFACE_MM).cross(seen)
+    assert crossed.edges.shape == (3, 4, 2)
+    assert crossed.own_edges.tolist() == np.count_nonzero(crossed.edges >= 0, axis=(1, 2)).tolist()
+    for contact, edges in zip(crossed.contacts, crossed.edges, strict=True):
+        for camera, (first, last) in zip(seen, edges.tolist(), strict=True):
+            towards = np.arctan2(contact.y_mm - camera.y_mm, contact.x_mm - camera.x_mm)
+            if first >= 0:
+                assert 0.0 < wrap_angle(towards - camera.first_rad[first]) < 0.12
+            if last >= 0:
+                assert 0.0 < wrap_angle(camera.last_rad[last] - towards) < 0.12
