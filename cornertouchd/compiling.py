@@ -119,7 +119,8 @@ def _compile_beside() -> None:
 
     Nothing waits for it: what is not there yet when it is needed is compiled here.
     """
-    command = [sys.executable, "-c", f"import {', '.join(COMPILED_BESIDE)}"]
+    # -P: nothing is imported from where the program happens to be started
+    command = [sys.executable, "-P", "-c", f"import {', '.join(COMPILED_BESIDE)}"]
     with contextlib.suppress(OSError):
         process = subprocess.Popen(  # noqa: S603
             command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -138,7 +139,7 @@ def _drop_outdated(directory: Path) -> None:
 def _sources_key() -> str:
     """Name the state of the sources that are compiled."""
     here = Path(__file__)
-    digest = hashlib.sha256(here.read_bytes())
+    digest = hashlib.sha256(here.read_bytes() + here.with_name("inlining.py").read_bytes())
     for folder in FOLDERS:  # all of them: constants are compiled in, wherever they come from
         for path in sorted((here.parent / folder).glob("*.py")):
             digest.update(path.read_bytes())

@@ -4,6 +4,9 @@ CameraPipeline, one per capture thread:   Frame -> shadows, outlines -> Observat
 SurfacePipeline, in the fusion thread:    FrameSet -> directing lines -> contacts -> touches
 """
 
+import contextlib
+import logging
+
 from cornertouchd.calibration.calibration import Calibration, CalibrationError, CameraCalibration
 from cornertouchd.calibration.drift import Drift, DriftWatch
 from cornertouchd.calibration.heights import height_table
@@ -16,6 +19,7 @@ from cornertouchd.fusion.kinds import KindsOfContacts
 from cornertouchd.fusion.motion import CommonTime
 from cornertouchd.fusion.tips import TipFinder, Tips
 from cornertouchd.fusion.tracking import Tracker
+from cornertouchd.locating.height_table import HeightsError
 from cornertouchd.locating.line_table import LineTable, tabulate
 from cornertouchd.model import (
     Contact,
@@ -33,6 +37,8 @@ from cornertouchd.vision.profile import NoiseError, shows_strip
 from cornertouchd.vision.reference import Reference
 from cornertouchd.vision.strip import StripNotFoundError, find_strip
 from cornertouchd.vision.strip_shift import StripShift, StripShiftWatch
+
+_log = logging.getLogger("cornertouchd")
 
 MOST_SHADOWS = 64
 """A picture with more shadows is garbage: twenty fingers throw at most twenty."""
@@ -188,18 +194,29 @@ def calibrated_crossing(calibration: Calibration, settings: Settings) -> Crossin
 
 
 def find_tips(calibration: Calibration, settings: Settings) -> TipFinder | None:
-    """Return what finds the tips of fingers; None if it is off, or heights are unknown."""
+    """Return what finds the tips of fingers; None if it is off, or nothing tells heights.
+
+    Logs which cameras do not tell them.
+    """
     if not settings.touch_point.enabled or settings.vision.edges == "paper":
         return None
     tables = {}
     for camera in calibration.cameras:
         if camera.heights is None:
-            return None
-        strip = find_strip(camera.empty)
-        tables[camera.id] = height_table(
-            camera.id, strip, camera.model, calibration.surface_mm, camera.heights
+            continue
+        with contextlib.suppress(HeightsError, StripNotFoundError):
+            strip = find_strip(camera.empty)
+            tables[camera.id] = height_table(
+                camera.id, strip, camera.model, calibration.surface_mm, camera.heights
+            )
+    lacking = [camera.id for camera in calibration.cameras if camera.id not in tables]
+    if lacking:
+        _log.warning(
+            "camera %s: tells nothing about heights, so touches are located less exactly; "
+            "run `cornertouchd calibrate`",
+            ", ".join(lacking),
         )
-    return TipFinder(tables, settings.touch_point, calibration.surface_mm)
+    return TipFinder(tables, settings.touch_point, calibration.surface_mm) if tables else None
 
 
 class SurfacePipeline:

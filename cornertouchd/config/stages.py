@@ -260,9 +260,9 @@ class TouchPointSettings(Table):
     touch_height_mm: float = Field(
         0.0,
         ge=0.0,
-        le=1.0,
-        description="How high above the surface a finger counts as touching, roughly; what hovers "
-        "higher is no touch.",
+        le=0.4,
+        description="How high above the surface a finger counts as touching, roughly: told by the "
+        "light below it, which soon is all there is. Pens count as touching when they do.",
     )
 
 

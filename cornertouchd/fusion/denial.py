@@ -112,7 +112,8 @@ class Darkness:
         normals, protruding_mm = [], []
         for camera in self.lines:
             eye = (camera.x_mm, camera.y_mm)
-            if not is_in_view(float(place[0]), float(place[1]), eye, camera.view_rad):
+            sees = is_in_view(float(place[0]), float(place[1]), eye, camera.view_rad)
+            if not (sees and len(camera.first_rad)):  # no lines where its shadows are
                 continue
             away = place - eye
             angle = np.arctan2(away[1], away[0])

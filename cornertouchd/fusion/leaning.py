@@ -4,6 +4,8 @@ A finger's lean changes slowly, so what one frame set could not see is kept from
 tip that is found in another way moves the touch only as far as its variance allows.
 """
 
+from math import sqrt
+
 from cornertouchd.compiling import inlined
 from cornertouchd.fusion.track_rows import (
     GAP,
@@ -20,6 +22,7 @@ from cornertouchd.fusion.track_rows import (
     WIDTH,
     X,
     Y,
+    is_reported,
 )
 from cornertouchd.model import FloatArray
 
@@ -28,10 +31,13 @@ from cornertouchd.model import FloatArray
 UNKNOWN_SHIFT_MM2 = 0.9**2 / 2.0
 SHIFT_GROWTH_MM2_S = 0.25
 # What begins to touch lets no more light than this through, in units of `Tips.gaps`.  A touch is
-# lifted when clearly more has passed below it for so long: what hovers shows 1.4 and more.
+# lifted when clearly more has passed below it for so long; touches show .8 at most, what hovers
+# 1.25 and more, also at the highest setting of what counts as touching.
 LARGEST_GAP = 1.0
-LIFTED_GAP = 1.3
+LIFTED_GAP = 1.15
 LIFTED_AFTER_S = 0.02
+# A tip that becomes known at last moves its touch no quicker than a finger would slide.
+LARGEST_SPEED_MM_S = 20.0
 
 
 @inlined
@@ -47,12 +53,20 @@ def lean(track: FloatArray, contact: FloatArray, rules: FloatArray, elapsed_s: f
     """Follow the tip, and for how long there has been light below it."""
     variance = min(track[SHIFT_VARIANCE] + SHIFT_GROWTH_MM2_S * elapsed_s, UNKNOWN_SHIFT_MM2)
     gain = variance / (variance + contact[TIP_VARIANCE])
-    track[SHIFT_X] += gain * (contact[TIP_SHIFT_X] - track[SHIFT_X])
-    track[SHIFT_Y] += gain * (contact[TIP_SHIFT_Y] - track[SHIFT_Y])
+    dx = gain * (contact[TIP_SHIFT_X] - track[SHIFT_X])
+    dy = gain * (contact[TIP_SHIFT_Y] - track[SHIFT_Y])
+    if is_reported(track):
+        share = LARGEST_SPEED_MM_S * elapsed_s / max(sqrt(dx * dx + dy * dy), 1e-9)
+        dx, dy = min(share, 1.0) * dx, min(share, 1.0) * dy
+    track[SHIFT_X] += dx
+    track[SHIFT_Y] += dy
     track[SHIFT_VARIANCE] = (1.0 - gain) * variance
     track[TIP_X] = min(max(track[X] + track[SHIFT_X], 0.0), rules[WIDTH])
     track[TIP_Y] = min(max(track[Y] + track[SHIFT_Y], 0.0), rules[HEIGHT])
-    track[HOVERS_S] = track[HOVERS_S] + elapsed_s if contact[GAP] > LIFTED_GAP else 0.0
+    if contact[GAP] > LIFTED_GAP:
+        track[HOVERS_S] += elapsed_s
+    elif contact[GAP] <= LIFTED_GAP:  # NaN tells nothing
+        track[HOVERS_S] = 0.0
 
 
 @inlined

@@ -14,7 +14,17 @@ import numpy as np
 from cornertouchd.compiling import compiled, inlined
 from cornertouchd.config import MotionSettings
 from cornertouchd.fusion.crossed import IntArray
-from cornertouchd.model import BoolArray, FloatArray, FrameSet, Observation, Shadows
+from cornertouchd.model import (
+    BoolArray,
+    FloatArray,
+    FrameSet,
+    Observation,
+    Outlines,
+    Shadows,
+)
+
+LARGEST_MOVE_OF_LIGHT_PX = 0.5
+"""Light that is looked for so far beside where it was is still that below the finger."""
 
 NEGLIGIBLE_S = 1e-4
 """The quickest edges, 5000 px/s, move half a pixel in this time, and a hand 0.1 mm."""
@@ -123,10 +133,21 @@ class CommonTime:
             return observation
         carried = Shadows(edges_px, valid, shadows.depth)
         outlines = observation.outlines
-        if outlines is not None:  # an outline moves as its edge does, its light stays where it was
-            moved_px = (edges_px - shadows.edges_px)[:, :, None]
-            outlines = replace(outlines, columns_px=outlines.columns_px + moved_px)
+        if outlines is not None:
+            outlines = _moved(outlines, edges_px - shadows.edges_px)
         return Observation(observation.camera, observation.sequence, common_s, carried, outlines)
+
+
+def _moved(outlines: Outlines, moved_px: FloatArray) -> Outlines:
+    """Move outlines as their edges do (K, 2).
+
+    The light stays where it was: what has moved does not find it there any more.
+    """
+    columns_px = outlines.columns_px + moved_px[:, :, None]
+    light_at = outlines.light_at
+    if np.abs(moved_px).max(initial=0.0) > LARGEST_MOVE_OF_LIGHT_PX:
+        light_at = np.full_like(light_at, -1)
+    return replace(outlines, columns_px=columns_px, light_at=light_at)
 
 
 @inlined

@@ -12,6 +12,7 @@ import numpy as np
 
 from cornertouchd.config import TouchPointSettings
 from cornertouchd.fusion.crossed import Crossed, IntArray
+from cornertouchd.fusion.hover import THINNEST_FINGER_MM
 from cornertouchd.fusion.rays import SeesHeights
 from cornertouchd.fusion.touch_point import TouchPointFinder, TouchPoints
 from cornertouchd.fusion.touch_table import SECTION
@@ -43,7 +44,7 @@ class Tips:
 class TipFinder:
     """Finds the tips of contacts; keeps nothing from one frame set to the next.
 
-    `cameras` are the tables of all cameras of the rig by name.
+    `cameras` are the tables of the cameras by name.
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class TipFinder:
         surface_mm: tuple[float, float],
     ) -> None:
         self._cameras = tuple(cameras)
+        self._numbers = {camera: number for number, camera in enumerate(cameras)}
         self._finder = TouchPointFinder(list(cameras.values()))
         self._largest_gap = GAP_AT_THE_SURFACE + GAP_PER_MM * settings.touch_height_mm
         self._surface_mm = surface_mm
@@ -65,7 +67,8 @@ class TipFinder:
     ) -> tuple[tuple[Contact, ...], Tips]:
         """Return the contacts where they touch, and their tips.
 
-        `lines` are those that were crossed, of the shadows of these observations.
+        `lines` are those that were crossed, of the shadows of these observations.  Cameras without
+        a table tell nothing.
         """
         contacts = crossed.contacts
         if not contacts or not crossed.edges.shape[1]:
@@ -83,9 +86,10 @@ class TipFinder:
     def _owned(self, edges: IntArray, lines: Sequence[DirectingLines]) -> IntArray:
         """Return which outline's left and right edge are each contact's, (N, cameras, 2)."""
         owned = np.full((len(edges), len(self._cameras), 2), -1, np.intp)
-        cameras = [self._cameras.index(one.camera) for one in lines]
+        cameras = [self._numbers.get(one.camera, -1) for one in lines]
         edges_of_pictures = [one.edges.tolist() for one in lines]
-        contact, camera, side = np.nonzero(edges >= 0)
+        is_owned = (edges >= 0) & (np.array(cameras) >= 0)[:, None]
+        contact, camera, side = np.nonzero(is_owned)
         shadow = edges[contact, camera, side]
         edge = np.array(
             [
@@ -102,10 +106,13 @@ class TipFinder:
         places_mm = np.clip(np.column_stack([points.x_mm, points.y_mm]), 0.0, self._surface_mm)
         is_known = (points.methods != SECTION) & [one.kind != "palm" for one in contacts]
         variances = 0.5 * (points.covariances_mm2[:, 0] + points.covariances_mm2[:, 2])
+        radii_mm = np.array([0.5 * one.diameter_mm for one in contacts])
+        # all the light there is makes but 2.1 of the gap below what is thin
+        largest = np.where(radii_mm < THINNEST_FINGER_MM, GAP_AT_THE_SURFACE, self._largest_gap)
         return Tips(
             np.where(is_known[:, None], places_mm - sections_mm, 0.0),
             np.where(is_known, variances, np.inf),
-            points.gaps / self._largest_gap,
+            np.where([one.kind == "palm" for one in contacts], np.nan, points.gaps / largest),
         )
 
     def _moved(

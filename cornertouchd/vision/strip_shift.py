@@ -36,6 +36,9 @@ MOVED_PX = 0.7
 """Rows that differ by more have moved: half a millimetre on the strip of a small rig.  Looks at a
 rig that did not move differ by .01 px, with ten fingers .03, in the sun .5 (path-traced)."""
 
+BACK_PX = 0.55
+"""A strip that has shifted is back where it was below this."""
+
 CHANGE_PX = 0.5
 """A shift that grows or shrinks by less is still the same."""
 
@@ -105,7 +108,8 @@ class StripShiftWatch:
             self._tell(StripShift(lower, tilt))
 
     def _tell(self, found: StripShift) -> None:
-        if abs(found.lower_px) < MOVED_PX and abs(found.tilt_px) < MOVED_PX:
+        most = MOVED_PX if self.shift is None else BACK_PX
+        if abs(found.lower_px) < most and abs(found.tilt_px) < most:
             self.shift = None
         elif self.shift is None or not self.shift.is_like(found):
             self.shift = found

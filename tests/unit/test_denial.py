@@ -111,3 +111,17 @@ class TestDarkness:
             for one in self.shadows_of(self.BIG)
         ]
         assert Darkness(lines, []).hides(150.0, 240.0, 6.0, 1.0)
+
+
+def test_a_shadow_where_a_camera_has_no_lines_hides_nothing_and_denies_nothing() -> None:
+    some = seen_from(C1, (100.0, 120.0, 6.0))
+    none = replace(
+        some,
+        first_rad=np.empty(0),
+        centre_rad=np.empty(0),
+        last_rad=np.empty(0),
+        first_valid=np.empty(0, np.bool_),
+        last_valid=np.empty(0, np.bool_),
+        sigma_rad=np.empty(0),
+    )
+    assert Darkness([some, none], []).hides(100.0, 120.0, 6.0, 1.0)

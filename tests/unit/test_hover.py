@@ -8,6 +8,8 @@ from grazed import CAMERA_MM, HORIZON_PX, WIDTH_PX, CornerSight, corner_sight, o
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cornertouchd.fusion.leaning import LIFTED_GAP
+from cornertouchd.fusion.tips import GAP_AT_THE_SURFACE
 from cornertouchd.fusion.touch_point import TouchPointFinder, TouchPoints
 from cornertouchd.model import Outlines
 
@@ -122,5 +124,6 @@ def test_pens_may_let_light_pass() -> None:
     for sight in SIGHTS:
         seen = waist(sight, disc, 0.0)
         halves.append(replace(seen, light=np.full_like(seen.light, 0.5)))
-    assert gap(list(halves), disc).gaps[0] < 1.0
-    assert gap([replace(one, light=np.ones_like(one.light)) for one in halves], disc).gaps[0] > 1.0
+    assert gap(list(halves), disc).gaps[0] < GAP_AT_THE_SURFACE
+    bright = [replace(one, light=np.ones_like(one.light)) for one in halves]
+    assert gap(bright, disc).gaps[0] > LIFTED_GAP * GAP_AT_THE_SURFACE

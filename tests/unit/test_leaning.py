@@ -93,7 +93,7 @@ def test_a_touch_ends_when_the_finger_is_lifted_though_it_is_still_seen() -> Non
     assert reports[-1][0].id != reports[0][0].id
 
 
-@pytest.mark.parametrize("gaps", [[3.0], [1.2] * 20, [np.nan] * 20])
+@pytest.mark.parametrize("gaps", [[3.0], [1.1] * 20, [np.nan] * 20])
 def test_light_below_it_for_a_moment_or_hardly_any_or_unknown_lifts_no_finger(
     gaps: list[float],
 ) -> None:

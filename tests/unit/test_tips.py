@@ -93,7 +93,7 @@ def test_a_finger_above_the_surface_does_not_touch(bench: Bench, height_mm: floa
 
 
 def test_how_high_counts_as_touching_can_be_set(bench: Bench) -> None:
-    low = Settings(touch_point=TouchPointSettings(touch_height_mm=1.0))
-    hovering = [Finger(150.0, 220.0, 12.0, lean_rad=0.3, height_mm=0.3)]
+    low = Settings(touch_point=TouchPointSettings(touch_height_mm=0.4))
+    hovering = [Finger(150.0, 220.0, 12.0, lean_rad=0.3, height_mm=0.15)]
     assert [contact.touching for contact in bench.contacts(hovering)] == [False]
     assert [contact.touching for contact in bench.contacts(hovering, low)] == [True]
