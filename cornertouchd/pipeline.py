@@ -31,6 +31,7 @@ from cornertouchd.model import (
     Touch,
 )
 from cornertouchd.vision.background import Background, MaskedColumns, NotDarkError
+from cornertouchd.vision.blindness import BlindnessWatch
 from cornertouchd.vision.finder import ProfileFinder, make_finder
 from cornertouchd.vision.outlines import OutlineTracer
 from cornertouchd.vision.profile import NoiseError, shows_strip
@@ -89,6 +90,7 @@ class CameraPipeline:
             reference = self._finder.sampler.reference
             self._background = Background(self._finder, vision, self._settings.background)
             self._tracer = OutlineTracer(self._strip, empty, reference, vision)
+        self._blindness = BlindnessWatch(self.masked_columns)
 
     def find(self, frame: Frame) -> Observation:
         """Return the shadows in a picture, whatever was before.  Raises `PictureError`."""
@@ -141,6 +143,21 @@ class CameraPipeline:
         """By how much the strip is off at present.  Any thread may ask."""
         return self._shift.shift
 
+    def find_blind_columns(self, frame: Frame) -> tuple[MaskedColumns, ...]:
+        """Return the columns that have been blind for a while, up to a picture that was observed.
+
+        The same objects until something changes.  Two looks a second take .1 ms each, so it is for
+        after the observation has been told.
+        """
+        if self._blindness.is_due(frame.captured_at_s):
+            self._blindness.look(self.masked_columns, frame.captured_at_s)
+        return self._blindness.blind
+
+    @property
+    def blind_columns(self) -> tuple[MaskedColumns, ...]:
+        """The columns that have been blind for a while.  Any thread may ask."""
+        return self._blindness.blind
+
     def reset(self) -> None:
         """Forget what was learned from pictures."""
         if self._background is not None:
@@ -148,7 +165,7 @@ class CameraPipeline:
 
     @property
     def masked_columns(self) -> tuple[MaskedColumns, ...]:
-        """Columns that tell nothing now, from left to right.  Any thread may ask."""
+        """Columns that are blind now, from left to right.  Any thread may ask."""
         return () if self._background is None else self._background.masked_columns
 
     def _require_size(self, frame: Frame) -> None:

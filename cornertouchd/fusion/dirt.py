@@ -101,7 +101,7 @@ class Dirt:
         return (
             f"camera {self.camera}: something has hung before the strip at columns "
             f"{self.left_px:.0f}..{self.right_px:.0f} for {self.after_s:.0f} s; "
-            "touches go on without it: clean the strip"
+            "touches go on without it: clean the strip, or replace the LED that has died there"
         )
 
 

@@ -58,6 +58,7 @@ class CaptureThread:
         self._opened = 0
         self._live = False
         self._shift: StripShift | None = None
+        self._blind = pipeline.blind_columns  # whoever made the pipeline has told them
 
     @property
     def camera(self) -> str:
@@ -159,6 +160,7 @@ class CaptureThread:
         self._faults.good()
         self._box.put(frame.camera, observation)
         self._watch_strip(frame)
+        self._watch_blind_columns(frame)
         return True
 
     def _watch_strip(self, frame: Frame) -> None:
@@ -172,6 +174,28 @@ class CaptureThread:
             return
         self._shift = shift
         _log.warning("camera %s: %s", frame.camera, shift or "the strip is where it was calibrated")
+
+    def _watch_blind_columns(self, frame: Frame) -> None:
+        """Tell which columns go blind and which see again."""
+        try:
+            blind = self._pipeline.find_blind_columns(frame)
+        except Exception as error:  # noqa: BLE001  pictures are observed without it
+            self._faults.fault("blind columns not looked for", error, traceback_of=error)
+            return
+        if blind is self._blind:
+            return
+        before, self._blind = self._blind, blind
+        for columns in blind:
+            if columns not in before:
+                _log.warning("camera %s: %s", frame.camera, columns)
+        for columns in before:
+            if columns not in blind:
+                _log.warning(
+                    "camera %s: columns %d..%d see again",
+                    frame.camera,
+                    columns.first_px,
+                    columns.last_px,
+                )
 
     def _close(self, camera: Camera) -> None:
         try:

@@ -42,7 +42,7 @@ class Daemon:
             camera = calibration.camera(port.id)
             camera.require_camera(port.format, port.identity)
             pipeline = CameraPipeline(camera, settings)
-            for columns in pipeline.masked_columns:
+            for columns in pipeline.blind_columns:
                 _log.warning("camera %s: %s", port.id, columns)
             self._pipelines[port.id] = pipeline
             self._captures.append(CaptureThread(port, camera, pipeline, box, settings.cameras))
@@ -99,7 +99,7 @@ class Daemon:
         return self._fusion.dirt
 
     def masked_columns(self) -> Mapping[str, tuple[MaskedColumns, ...]]:
-        """Return the columns of every camera that tell nothing now: dead LEDs, glare."""
+        """Return the columns of every camera that are blind now: dead LEDs, glare."""
         return {camera: pipeline.masked_columns for camera, pipeline in self._pipelines.items()}
 
     def strip_shifts(self) -> Mapping[str, StripShift]:

@@ -42,6 +42,9 @@ LIGHT_FROM_OUTSIDE = 1.3
 """A strip this much brighter than when it was calibrated is lit by more than its LEDs."""
 
 
+LESS_LIGHT = "lower the exposure, shade the sun, or let the LED frame send dark frames"
+MEND_THE_LED = "replace the LED, or take away what covers it"
+
 LARGEST_SHARE_IN_THE_DARK = 0.75
 """Of the lit strip's light over the former darkness; more is the strip itself, in spite of what the
 picture is labelled."""
@@ -53,14 +56,15 @@ class NotDarkError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class MaskedColumns:
-    """Columns first_px to last_px tell nothing, and why."""
+    """Columns first_px to last_px are blind: why, and what to do."""
 
     first_px: int
     last_px: int
     why: str
+    remedy: str
 
     def __str__(self) -> str:
-        return f"columns {self.first_px}..{self.last_px} tell nothing: {self.why}"
+        return f"columns {self.first_px}..{self.last_px} are blind: {self.why}; {self.remedy}"
 
 
 class Sight(NamedTuple):
@@ -104,7 +108,7 @@ class Background:
         shadows = find_shadows(
             measured.profile,
             self._vision,
-            sunlit=self._reference.sunlit,
+            sunlit=measured.is_sunlit(self._reference),
             hiding=self._reference.on_strip,
         )
         self._known = measured.profile.known
@@ -167,19 +171,28 @@ class Background:
 
     @property
     def masked_columns(self) -> tuple[MaskedColumns, ...]:
-        """The columns of the strip that tell nothing now, from left to right."""
+        """The columns of the strip that are blind now, from left to right.
+
+        In the sun, those that are at full scale without a touch, too: shadows show there, but not
+        those of fingers that the sun lights up.
+        """
         reference, known = self._reference, self._known
         strip = reference.on_strip
         ends = np.flatnonzero(strip)[[0, -1]]
         usual = max(float(np.median(reference.light[strip])), 1.0)
         dim = [
-            MaskedColumns(first, last, _how_dim(reference.light[first : last + 1] / usual))
+            MaskedColumns(
+                first, last, _how_dim(reference.light[first : last + 1] / usual), MEND_THE_LED
+            )
             for first, last in _runs(strip & ~reference.usable)
             if first > ends[0] and last < ends[1]  # where the view ends the strip fades
         ]
+        full = ~known
+        if reference.sunlit:
+            full |= reference.peak >= self._vision.saturated_grey
         bright = [
-            MaskedColumns(first, last, "at full scale, by light from outside")
-            for first, last in _runs(reference.usable & ~known)
+            MaskedColumns(first, last, "at full scale, by light from outside", LESS_LIGHT)
+            for first, last in _runs(reference.usable & full)
         ]
         return tuple(sorted(dim + bright, key=lambda one: one.first_px))
 

@@ -27,8 +27,9 @@ class ProfileFinder:
 
     def find(self, picture: Picture) -> Shadows:
         """Return the shadows of a picture (rows, width_px) from left to right."""
-        profile, reference = self.sampler.sample(picture), self.sampler.reference
-        return find_shadows(profile, self._settings, sunlit=reference.sunlit)
+        measured = self.sampler.measure(picture, self.sampler.reference)
+        sunlit = measured.is_sunlit(self.sampler.reference)
+        return find_shadows(measured.profile, self._settings, sunlit=sunlit)
 
     def find_with_hidden(self, picture: Picture) -> tuple[Shadows, float]:
         """Return them with places where one could be hidden, as `find_shadows` does, and the gain.
@@ -39,7 +40,10 @@ class ProfileFinder:
         measured = self.sampler.measure(picture, reference)
         measured.require_strip()
         shadows = find_shadows(
-            measured.profile, self._settings, sunlit=reference.sunlit, hiding=reference.on_strip
+            measured.profile,
+            self._settings,
+            sunlit=measured.is_sunlit(reference),
+            hiding=reference.on_strip,
         )
         return shadows, measured.gain
 

@@ -10,7 +10,7 @@ from cornertouchd.config import VisionSettings
 from cornertouchd.model import BoolArray, FloatArray, Picture, Profile
 from cornertouchd.vision.filling import fill_in
 from cornertouchd.vision.gain import most_frequent_brightness
-from cornertouchd.vision.reference import Reference, make_reference
+from cornertouchd.vision.reference import SUNLIT_SHARE, Reference, make_reference
 from cornertouchd.vision.strip import Strip
 from cornertouchd.vision.taps import horizon_taps
 
@@ -37,6 +37,14 @@ class Measured(NamedTuple):
     peak: FloatArray
     gain: float
     rough_share: float
+
+    def is_sunlit(self, reference: Reference) -> bool:
+        """Tell whether sunlight is to be reckoned with, that of the reference or a new one."""
+        if reference.sunlit:
+            return True
+        usable = int(np.count_nonzero(reference.usable))
+        full = usable - int(np.count_nonzero(self.profile.known))
+        return full > SUNLIT_SHARE * usable
 
     def require_strip(self) -> None:
         """Raise `NoiseError` if this can be no strip, whatever stands before it."""

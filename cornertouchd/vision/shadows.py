@@ -13,7 +13,7 @@ import numpy as np
 from cornertouchd.compiling import compiled, inlined
 from cornertouchd.config import VisionSettings
 from cornertouchd.model import BoolArray, FloatArray, Profile, Shadows
-from cornertouchd.vision.sunlight import NARROWEST_PX, edge_of_lit_flank, is_glint
+from cornertouchd.vision.sunlight import NARROWEST_PX, edge_of_lit_flank, end_of_slope, is_glint
 
 NARROW_BLURS = 5.0
 """A shadow narrower than this many blur widths never gets fully dark: its edges overlap."""
@@ -49,7 +49,8 @@ def find_shadows(
 ) -> Shadows:
     """Return the shadows of a profile from left to right.
 
-    `sunlit`: sunlight is to be reckoned with, which lights fingers up.  `hiding` (width_px,) are
+    `sunlit`: sunlight is to be reckoned with, which lights fingers up.  A shadow that fades away
+    reaches to where it is bright again, without a valid edge there.  `hiding` (width_px,) are
     columns where a shadow would be, if they were known.  If there is a shadow at all, runs of such
     columns that are not known are given too, without a valid edge and of depth 0: the camera cannot
     contradict a touch there.
@@ -341,6 +342,11 @@ def _find(
         told = depth[number] > 0.0 and not (sunlit and is_glint(right - left, depth[number]))
         valid[number, 0] = told and _edge_is_seen(known, left)
         valid[number, 1] = told and _edge_is_seen(known, right)
+        if sunlit and depth[number] > 0.0:
+            begin, end = end_of_slope(brightness, left, -1), end_of_slope(brightness, right, 1)
+            valid[number, 0] &= begin == left
+            valid[number, 1] &= end == right
+            left, right = begin, end
         edges_px[number, 0], edges_px[number, 1] = first + left, first + right
         depths[number] = depth[number]
     return edges_px, valid, depths

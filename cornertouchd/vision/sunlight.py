@@ -16,6 +16,11 @@ FARTHEST_PX = 8
 INSIDE_PX = 2.6
 """So far inwards from there the blur of an edge is over (rendered pictures; 2 to 3.2 do)."""
 
+SLOPE_PX = (3.5, 24.0)
+"""The blur of an edge is over within two columns.  A longer slope is a finger that the sun lights
+from the edge on inwards: where it ends is not told (rendered pictures).  One that is longer still
+is a strip that has become dimmer."""
+
 LIT_FLANK = (0.2, 0.8)
 """As bright as this is a flank in the sun; below, what a finger throws back without any."""
 
@@ -27,6 +32,21 @@ GLINT_WIDTH_PX, GLINT_DEPTH = 6.0, 0.6
 def is_glint(width_px: float, depth: float) -> bool:
     """Tell whether a shadow in the sun may be a piece of one, so that its edges mean nothing."""
     return width_px < GLINT_WIDTH_PX and depth < GLINT_DEPTH
+
+
+@inlined
+def end_of_slope(brightness: FloatArray, edge: float, outwards: int) -> float:
+    """Return where it is bright again beyond an edge, the edge itself if there is no slope.
+
+    `outwards` is -1 for a left edge, 1 for a right one.
+    """
+    column = int(edge - 0.5)
+    if outwards > 0:
+        column += 1
+    while 0 <= column < len(brightness) and brightness[column] < OUTSIDE:
+        column += outwards
+    end = column + 0.5
+    return end if SLOPE_PX[0] < abs(end - edge) <= SLOPE_PX[1] else edge
 
 
 @inlined

@@ -24,6 +24,7 @@ from cornertouchd.vision.sunlight import (
     LIT_FLANK,
     NARROWEST_PX,
     OUTSIDE,
+    SLOPE_PX,
 )
 
 Edges = list[tuple[float, float]]
@@ -184,13 +185,17 @@ def _shadow(view: Profile, left: float, right: float, sunlit: bool) -> Shadow:
     depth = float(np.clip(1.0 - darkest, 0.0, 1.0))
     glint = sunlit and right - left < GLINT_WIDTH_PX and depth < GLINT_DEPTH
     told = depth > 0.0 and not glint
-    return Shadow(
-        left,
-        right,
-        told and _is_seen(view.known, left),
-        told and _is_seen(view.known, right),
-        depth,
-    )
+    left_told = told and _is_seen(view.known, left)
+    right_told = told and _is_seen(view.known, right)
+    if sunlit and depth > 0.0:
+        bright = np.flatnonzero(view.brightness >= OUTSIDE) + 0.5
+        begin = max(bright[bright < left], default=-0.5)
+        end = min(bright[bright >= right], default=last + 1.5)
+        if SLOPE_PX[0] < left - begin <= SLOPE_PX[1]:
+            left, left_told = begin, False
+        if SLOPE_PX[0] < end - right <= SLOPE_PX[1]:
+            right, right_told = end, False
+    return Shadow(float(left), float(right), left_told, right_told, depth)
 
 
 def _is_seen(known: BoolArray, edge: float) -> bool:

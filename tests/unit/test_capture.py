@@ -18,6 +18,7 @@ from cornertouchd.model import Frame, Observation, PictureFormat, Shadows
 from cornertouchd.ports import CameraError
 from cornertouchd.runtime.capture import CaptureThread
 from cornertouchd.runtime.latest import Latest
+from cornertouchd.vision.background import MaskedColumns
 
 Step = str
 FAST = CamerasSettings(
@@ -34,7 +35,7 @@ CALIBRATED = CameraCalibration(
 
 
 class FakePort:
-    """A camera that does what the script says: good, none, garbage, gone, absent, bug."""
+    """A camera that does what the script says: good, sunny, none, garbage, gone, absent, bug."""
 
     id = "C1"
     format = PictureFormat(4, 3, 0, 3)
@@ -79,12 +80,18 @@ class FakeCamera:
             raise RuntimeError("a driver's bug")
         if step == "none":
             return None
-        rows = 3 if step == "good" else 1
-        pixels = np.zeros((rows, 4), np.uint8)
+        rows = 3 if step in {"good", "sunny"} else 1
+        pixels = np.full((rows, 4), 255 if step == "sunny" else 0, np.uint8)
         return Frame("C1", self._sequence, float(self._sequence), None, pixels)
 
     def close(self) -> None:
         self._port.closed += 1
+
+
+DEAD_LED = MaskedColumns(40, 44, "dead LED", "replace it")
+GLARE = MaskedColumns(100, 180, "at full scale", "shade the sun")
+BLIND_AT_START = (DEAD_LED,)
+DAZZLED = (DEAD_LED, GLARE)
 
 
 class StubPipeline:
@@ -97,6 +104,12 @@ class StubPipeline:
 
     def find_strip_shift(self, frame: Frame) -> None:
         """The strip is where it was."""
+
+    blind_columns = BLIND_AT_START
+
+    def find_blind_columns(self, frame: Frame) -> tuple[MaskedColumns, ...]:
+        """The sun makes pictures white."""
+        return DAZZLED if frame.pixels.any() else BLIND_AT_START
 
 
 @pytest.fixture
@@ -138,6 +151,17 @@ def test_pictures_become_observations(run) -> None:
     assert thread.counts().frames == 4
     assert len(box.take(0)) == 1
     assert box.dropped() == {"C1": 3}
+
+
+def test_columns_that_go_blind_are_told_once_and_when_they_see_again(
+    run, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        run(["good"] * 10 + ["sunny"] * 20 + ["good"] * 10)
+    assert [record.message for record in caplog.records] == [
+        "camera C1: columns 100..180 are blind: at full scale; shade the sun",
+        "camera C1: columns 100..180 see again",
+    ]
 
 
 def test_a_camera_that_vanishes_is_opened_again(run, caplog: pytest.LogCaptureFixture) -> None:

@@ -70,7 +70,7 @@ class TestWhatIsDirt:
         assert dirt.since_s == 1001.0
         assert str(dirt) == (
             "camera C2: something has hung before the strip at columns 201..206 for 60 s; "
-            "touches go on without it: clean the strip"
+            "touches go on without it: clean the strip, or replace the LED that has died there"
         )
 
     def test_the_setting_says_how_long_it_takes(self) -> None:

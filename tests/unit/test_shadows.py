@@ -211,6 +211,20 @@ def test_the_edge_of_a_sunlit_flank_lies_half_way_between_strip_and_flank(flank:
     assert shadow.right_px == plain.right_px
 
 
+def test_where_the_sun_lights_half_a_finger_the_shadow_has_no_edge_on_that_side() -> None:
+    brightness = profile((80, 100)).brightness
+    brightness[86:100] = np.linspace(0.45, 0.9, 14)  # ever brighter towards its edge
+    brightness[100:] = 1.0
+    given_profile = Profile(brightness, np.ones(WIDTH, bool))
+    (plain,) = find_shadows(given_profile, SETTINGS)
+    assert plain.right_valid
+    assert plain.right_px < 93  # a pen, it seems
+    (shadow,) = find_shadows(given_profile, SETTINGS, sunlit=True)
+    assert (shadow.left_px, shadow.left_valid) == (pytest.approx(80, abs=0.1), True)
+    assert not shadow.right_valid
+    assert shadow.right_px > 96
+
+
 def test_a_piece_of_a_sunlit_finger_has_no_edges() -> None:
     brightness = np.ones(WIDTH)
     brightness[80:100] = 0.95
