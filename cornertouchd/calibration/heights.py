@@ -98,28 +98,25 @@ def middle_lines(uprights: Sequence[Outlines]) -> tuple[FloatArray, FloatArray]:
     return np.array(columns), np.array(rows)
 
 
-def what_moved(camera: str, kept: Heights, found: Heights, width_px: int) -> str | None:
+def what_moved(kept: Heights, found: Heights, width_px: int) -> str | None:
     """Return what has moved since `kept` was measured, None if all is where it was."""
     off_px = horizon_rows(found, width_px) - horizon_rows(kept, width_px)
     middle_px = float(np.median(off_px))
     tilt_rad = atan((found.horizon_px[1] - kept.horizon_px[1]) / (width_px / 2))
-    remedy = "run `cornertouchd calibrate`"
     if abs(middle_px) > MOVED_PX:
         where = "lower" if middle_px > 0 else "higher"
         return (
-            f"camera {camera}: its horizon is {abs(middle_px):.1f} px {where} than calibrated: "
-            f"the camera was tilted; {remedy}"
+            f"the horizon is {abs(middle_px):.1f} px {where} than calibrated: the camera was tilted"
         )
     if abs(tilt_rad) * width_px / 2 > MOVED_PX:
         return (
-            f"camera {camera}: its horizon is turned by {abs(degrees(tilt_rad)):.2f} degrees: "
-            f"the camera was rolled; {remedy}"
+            f"the horizon is turned by {abs(degrees(tilt_rad)):.2f} degrees: the camera was rolled"
         )
     sigma_mm = float(np.hypot(found.camera_sigma_mm, kept.camera_sigma_mm))
     raised_mm = found.camera_mm - kept.camera_mm
     if abs(raised_mm) > max(CHANGED_MM, CHANGED_SIGMAS * sigma_mm):
         return (
-            f"camera {camera}: stands {abs(raised_mm):.1f} mm "
-            f"{'higher' if raised_mm > 0 else 'lower'} than calibrated; {remedy}"
+            f"the camera stands {abs(raised_mm):.1f} mm "
+            f"{'higher' if raised_mm > 0 else 'lower'} than calibrated"
         )
     return None

@@ -9,8 +9,9 @@ from rich.console import Console
 
 from cornertouchd.calibration.board_sights import BoardSight
 from cornertouchd.calibration.boards import BoardPlan
-from cornertouchd.calibration.calibration import Calibration, Method
+from cornertouchd.calibration.calibration import Calibration, CalibrationError, Method
 from cornertouchd.calibration.error_picture import draw_error_map
+from cornertouchd.calibration.file import load_calibration
 from cornertouchd.calibration.methods import make_calibration
 from cornertouchd.cli.calibration_report import camera_table, light_table
 from cornertouchd.cli.calibration_result import tell_and_save
@@ -124,7 +125,18 @@ def _plan(
         settings.vision,
         store,
         boards,
+        _in_force(options.output),
     )
+
+
+def _in_force(path: Path) -> Calibration | None:
+    """Return the calibration that is to be replaced; none if it cannot be used anyway."""
+    if not path.exists():
+        return None
+    try:
+        return load_calibration(path)
+    except CalibrationError:
+        return None
 
 
 def _how_to_go_on(store: TapStore, options: GuideOptions) -> str:

@@ -7,13 +7,24 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cornertouchd.calibration.calibration import CameraCalibration
+from cornertouchd.calibration.heights import heights_of_camera, what_moved
 from cornertouchd.guiding.strip_light import FULL_SCALE, StripLight, measure_strip_light
 from cornertouchd.model import FloatArray, Picture
-from cornertouchd.vision.strip import StripNotFoundError, find_strip
+from cornertouchd.vision.strip import Strip, StripNotFoundError, find_strip
 
 Severity = Literal["bad", "doubtful"]
 Kind = Literal[
-    "strip", "level", "saturation", "ambient", "flicker", "focus", "band", "dark columns", "view"
+    "strip",
+    "level",
+    "saturation",
+    "ambient",
+    "flicker",
+    "focus",
+    "band",
+    "dark columns",
+    "view",
+    "moved",
 ]
 
 GOOD_LEVELS = (0.6, 0.9)
@@ -80,6 +91,14 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class InForce:
+    """The calibration in force of a camera whose pictures have the same format now."""
+
+    camera: CameraCalibration
+    surface_mm: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class CameraCheck:
     """What was found out about one camera; `light` is None when no strip was found."""
 
@@ -100,10 +119,12 @@ def check_camera(
     camera_id: str,
     pictures: Sequence[Picture] | Picture,
     dark: Sequence[Picture] | Picture | None = None,
+    in_force: InForce | None = None,
 ) -> CameraCheck:
     """Judge one camera by its pictures of the empty surface, (N, rows, width_px).
 
-    `dark` are pictures taken with all LEDs off, if there are any.
+    `dark` are pictures taken with all LEDs off, if there are any.  With a calibration `in_force` it
+    is told whether the camera has moved since.
     """
     stack = np.asarray(pictures, np.uint8)
     if not len(stack):
@@ -125,6 +146,7 @@ def check_camera(
         _band(light),
         _dark_columns(light),
         _view(light),
+        _moved(camera_id, strip, in_force),
     )
     return CameraCheck(camera_id, light, tuple(one for one in findings if one is not None))
 
@@ -265,4 +287,21 @@ def _view(light: StripLight) -> Finding | None:
         f"the strip is clear in only {light.visible_share:.1%} of the columns "
         f"({SMALLEST_VIEW:.0%} or more is good): mend what else is told of this camera, or turn "
         "it to the far corner",
+    )
+
+
+def _moved(camera_id: str, strip: Strip, in_force: InForce | None) -> Finding | None:
+    if in_force is None or in_force.camera.heights is None:
+        return None
+    found = heights_of_camera(camera_id, strip, in_force.camera.model, in_force.surface_mm)
+    if found is None:
+        return None
+    moved = what_moved(in_force.camera.heights, found, len(strip.visible))
+    if moved is None:
+        return None
+    return Finding(
+        "moved",
+        "doubtful",
+        f"{moved} since the calibration in force; fasten it well: the new one takes it as it "
+        "stands now",
     )

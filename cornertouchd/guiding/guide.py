@@ -7,13 +7,18 @@ import numpy as np
 
 from cornertouchd.calibration.auto import FEWEST_TOUCHES, starting_point
 from cornertouchd.calibration.board_sights import BoardSight
-from cornertouchd.calibration.calibration import CalibrationError, Method, TapsDoNotFitError
+from cornertouchd.calibration.calibration import (
+    Calibration,
+    CalibrationError,
+    Method,
+    TapsDoNotFitError,
+)
 from cornertouchd.calibration.fitted import Fitted
 from cornertouchd.calibration.gathering import ReferenceTouches
 from cornertouchd.calibration.methods import fit
 from cornertouchd.calibration.touch_columns import TouchColumns
 from cornertouchd.config import VisionSettings
-from cornertouchd.guiding.checking import CameraCheck, check_camera
+from cornertouchd.guiding.checking import CameraCheck, InForce, check_camera
 from cornertouchd.guiding.coverage import ScribbleCoverage
 from cornertouchd.guiding.empty_surface import EmptyLearner, EmptySurface
 from cornertouchd.guiding.finger_watch import FingerWatch
@@ -45,7 +50,10 @@ MOST_ROUNDS = 3
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be calibrated, and how; `store` keeps the taps."""
+    """What is to be calibrated, and how; `store` keeps the taps.
+
+    `in_force` is the calibration that is to be replaced, if there is one.
+    """
 
     method: Method
     surface_mm: tuple[float, float]
@@ -55,6 +63,7 @@ class Plan:
     vision: VisionSettings
     store: TapStore
     boards: Sequence[BoardSight] = ()
+    in_force: Calibration | None = None
 
 
 class CheckCameras:
@@ -80,11 +89,27 @@ class CheckCameras:
         if min(len(pictures) for pictures in self._pictures.values()) < CHECK_PICTURES:
             return self
         self._checks = tuple(
-            check_camera(camera, pictures) for camera, pictures in self._pictures.items()
+            check_camera(camera, pictures, in_force=_in_force(self._plan, camera))
+            for camera, pictures in self._pictures.items()
         )
         self._pictures = {camera: [] for camera in self._pictures}
         fit = all(check.verdict != "bad" for check in self._checks)
         return LearnEmpty(self._plan, self._checks) if fit else self
+
+
+def _in_force(plan: Plan, camera: str) -> InForce | None:
+    """Return how a camera was calibrated before, None if its pictures were others then."""
+    before = plan.in_force
+    if before is None:
+        return None
+    return next(
+        (
+            InForce(one, before.surface_mm)
+            for one in before.cameras
+            if one.id == camera and one.format == plan.formats[camera]
+        ),
+        None,
+    )
 
 
 class LearnEmpty:

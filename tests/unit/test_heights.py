@@ -12,9 +12,12 @@ import pytest
 from cornertouchd.calibration.calibration import Calibration, CameraCalibration
 from cornertouchd.calibration.file import load_calibration, save_calibration
 from cornertouchd.calibration.heights import height_table, heights_of_empty, what_moved
-from cornertouchd.config import Settings
+from cornertouchd.config import Settings, VisionSettings
+from cornertouchd.guiding.checking import InForce, check_camera
+from cornertouchd.guiding.guide import CheckCameras, Plan
+from cornertouchd.guiding.progress import TapStore
 from cornertouchd.locating.height_table import Heights
-from cornertouchd.model import FloatArray
+from cornertouchd.model import FloatArray, Frame
 from cornertouchd.runtime.simulated_rig import calibrate_rig
 from cornertouchd.simulation.rig import SimulatedRig
 from cornertouchd.vision.strip import find_strip
@@ -111,7 +114,7 @@ class TestWhatMoved:
     KEPT = Heights(6.0, 12.6, (24.0, -1.0, 0.3), (0.003, 0.0), 0.03, 0.13, 0.05)
 
     def moved(self, **changes: object) -> str | None:
-        return what_moved("C2", self.KEPT, dataclasses.replace(self.KEPT, **changes), 640)
+        return what_moved(self.KEPT, dataclasses.replace(self.KEPT, **changes), 640)
 
     def test_nothing(self) -> None:
         assert self.moved(horizon_px=(24.2, -1.1, 0.3), camera_mm=6.3) is None
@@ -119,8 +122,8 @@ class TestWhatMoved:
     def test_a_camera_that_was_tilted(self) -> None:
         said = self.moved(horizon_px=(25.8, -1.0, 0.3))
         assert said is not None
-        assert said.startswith("camera C2: its horizon is 1.8 px lower than calibrated")
-        assert "cornertouchd calibrate" in said
+        assert said.startswith("the horizon is 1.8 px lower than calibrated")
+        assert "tilted" in said
 
     def test_a_camera_that_was_rolled(self) -> None:
         said = self.moved(horizon_px=(24.0, 1.0, 0.3))
@@ -131,3 +134,56 @@ class TestWhatMoved:
         said = self.moved(camera_mm=8.0)
         assert said is not None
         assert "stands 2.0 mm higher than calibrated" in said
+
+
+class TestBeforeANewCalibration:
+    """Empty pictures are compared with the calibration in force."""
+
+    @staticmethod
+    def frame(camera: str, rows_lower: int) -> Frame:
+        pixels = np.roll(RIG.render(camera, 0, ()), rows_lower, axis=0)
+        return Frame(camera, 0, 0.0, None, pixels)
+
+    def test_cameras_that_stayed_have_nothing_to_say(self, calibrated: Calibration) -> None:
+        for camera in calibrated.cameras:
+            pictures = [RIG.render(camera.id, index, ()) for index in range(3)]
+            before = InForce(camera, calibrated.surface_mm)
+            assert check_camera(camera.id, pictures, in_force=before).findings == ()
+
+    @pytest.mark.parametrize(("rows", "way"), [(2, "lower"), (-1, "higher")])
+    def test_the_one_that_moved_is_named(
+        self, calibrated: Calibration, tmp_path: Path, rows: int, way: str
+    ) -> None:
+        step = self.checking(calibrated, tmp_path)
+        for _ in range(16):
+            step.feed([self.frame(one, rows if one == "C3" else 0) for one in RIG.formats])
+        told = {check.camera: check.findings for check in step.status.checks}
+        (finding,) = told.pop("C3")
+        assert (finding.kind, finding.severity) == ("moved", "doubtful")
+        assert f"{abs(rows)}.0 px {way} than calibrated: the camera was tilted" in finding.text
+        assert set(told.values()) == {()}
+
+    def test_pictures_of_another_format_are_not_compared(
+        self, calibrated: Calibration, tmp_path: Path
+    ) -> None:
+        cameras = tuple(
+            dataclasses.replace(
+                one,
+                format=dataclasses.replace(one.format, row_offset_px=one.format.row_offset_px + 1),
+            )
+            for one in calibrated.cameras
+        )
+        step = self.checking(dataclasses.replace(calibrated, cameras=cameras), tmp_path)
+        for _ in range(16):
+            step.feed([self.frame(camera, 2) for camera in RIG.formats])
+        assert all(check.findings == () for check in step.status.checks)
+
+    @staticmethod
+    def checking(in_force: Calibration, tmp_path: Path) -> CheckCameras:
+        store = TapStore(tmp_path / "taps", RIG.surface_mm, RIG.formats)
+        targets_mm = np.array([[100.0, 100.0]])
+        plan = Plan(
+            "auto", RIG.surface_mm, RIG.formats, targets_mm, 0.5, VisionSettings(), store,
+            in_force=in_force,
+        )  # fmt: skip
+        return CheckCameras(plan)
