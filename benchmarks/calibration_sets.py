@@ -84,13 +84,23 @@ class RigRecorder:
             for index, (x, y) in enumerate(targets_mm.tolist()):
                 rows.writerow([index, x, y, STYLUS_MM])
 
-    def fingers(self, name: str, count: int) -> None:
-        """Record upright fingers all over the surface; truth.csv tells where they really were."""
+    def fingers(self, name: str, count: int, most_lean_rad: float = 0.0) -> None:
+        """Record fingers all over the surface; truth.csv tells where they really were.
+
+        They stand upright, or lean by up to so much towards any side.
+        """
         low, high = FINGER_INSET_MM, np.array(self._rig.surface_mm) - FINGER_INSET_MM
         rng = self._random_for(name)
         places = rng.uniform(low, high, (count, 2)).tolist()
         diameters = rng.uniform(*FINGERS_MM, count).tolist()
-        fingers = [Finger(x, y, d) for (x, y), d in zip(places, diameters, strict=True)]
+        leans = (most_lean_rad * rng.uniform(0.0, 1.0, count)).tolist()
+        azimuths = rng.uniform(-np.pi, np.pi, count).tolist()
+        fingers = [
+            Finger(x, y, diameter, lean, azimuth)
+            for (x, y), diameter, lean, azimuth in zip(
+                places, diameters, leans, azimuths, strict=True
+            )
+        ]
         self._touches(name, [(finger,) for finger in fingers])
         self._write_truth(self._directory / name / "truth.csv", fingers)
 

@@ -12,9 +12,11 @@ import numpy as np
 from cornertouchd.model import FloatArray, Frame, Picture, PictureFormat
 from cornertouchd.simulation.border import STRIP_BOTTOM_MM, LedBorder, led_brightness
 from cornertouchd.simulation.fingers import Finger, Section, section
+from cornertouchd.simulation.flanks import Lamp, Sun, strip_lamps
 from cornertouchd.simulation.noise import Light, SensorNoise, digitise
 from cornertouchd.simulation.optics import CornerCamera, Lens
 from cornertouchd.simulation.silhouettes import Silhouettes
+from cornertouchd.simulation.sunlight import SunlitStrips, sunlit
 
 ALL_SIDES_LIT = 15
 MIN_CAMERAS, MAX_CAMERAS = 2, 8
@@ -71,7 +73,9 @@ class SimulatedRig:
     The same settings and seed give the same pictures, in whatever order they are asked for.
     `reflectance` is the share of grazing light that the screen mirrors (0: a matt screen),
     `barrel` bends the picture as in `Lens` (0: a pinhole), `mounting_error` scales the errors of
-    place and direction (0: mounted perfectly).  Raises `ValueError` for a rig that cannot be.
+    place and direction (0: mounted perfectly).  With `lit_flanks` strips light up fingers that are
+    near them; a `sun` shines on strips and fingers, which throw shadows on the strips, but neither
+    on the screen nor on one another.  Raises `ValueError` for a rig that cannot be.
     """
 
     def __init__(
@@ -88,6 +92,8 @@ class SimulatedRig:
         reflectance: float = 0.93,
         mounting_error: float = 1.0,
         noise: bool = True,
+        lit_flanks: bool = False,
+        sun: Sun | None = None,
     ) -> None:
         _check(surface_mm, (width_px, height_px, rows_px), cameras, reflectance)
         self.surface_mm = surface_mm
@@ -116,10 +122,14 @@ class SimulatedRig:
         self._border = border
         self._rng = rng
         self._noise = SensorNoise(seed) if noise else None
+        self._lit_flanks = lit_flanks
+        self._sun = sun
 
     def light(self, camera_id: str, fingers: Sequence[Finger] = ()) -> Light:
         """Return the light (rows_px, width_px) that a camera gets, in grey levels above black."""
         light = self._empty[camera_id].copy()
+        if camera_id in self._sunlit:
+            self._sunlit[camera_id].add_to(light, fingers)
         self._silhouettes[camera_id].shade(light, fingers)
         return light
 
@@ -133,13 +143,46 @@ class SimulatedRig:
         }
 
     @cached_property
-    def _silhouettes(self) -> Mapping[str, Silhouettes]:
+    def _sunlit(self) -> Mapping[str, SunlitStrips]:
+        """What the sun adds, if it shines; pixels differ as those of the empty pictures do."""
+        if self._sun is None:
+            return {}
+        rng, border = copy.deepcopy(self._rng), sunlit(self._border, self._sun, EXPOSURE)
         return {
-            id_: Silhouettes(
-                camera, self.formats[id_], self._empty[id_], self._border.top_mm, BLUR_PX
+            id_: SunlitStrips(
+                camera,
+                self.formats[id_],
+                border,
+                self._sun,
+                _empty_light(camera, self.formats[id_], border, rng),
             )
             for id_, camera in self.truth.cameras.items()
         }
+
+    @cached_property
+    def _silhouettes(self) -> Mapping[str, Silhouettes]:
+        is_lit = self._lit_flanks or self._sun is not None
+        return {
+            id_: Silhouettes(
+                camera,
+                self.formats[id_],
+                self._empty[id_],
+                self._border.top_mm,
+                BLUR_PX,
+                self._lamps if is_lit else None,
+                self._border.reflectance,
+            )
+            for id_, camera in self.truth.cameras.items()
+        }
+
+    def _lamps(self, finger: Finger) -> tuple[Lamp, ...]:
+        """Return what lights a finger up."""
+        lamps: tuple[Lamp, ...] = ()
+        if self._lit_flanks:
+            lamps += strip_lamps(finger, self.surface_mm, self._border.top_mm, EXPOSURE)
+        if self._sun is not None:
+            lamps += (self._sun.lamp,)
+        return lamps
 
     def expose(self, camera_id: str, index: int, light: Light) -> Picture:
         """Return picture `index` of a camera when this light falls on it."""

@@ -4,7 +4,7 @@ The mirror is unfolded: a ray that the screen reflects goes straight on below z 
 meet the mirror image of a finger.  So each finger is two capsules, and a ray passes both or none.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cornertouchd.geometry import wrap_angle
 from cornertouchd.model import PictureFormat
 from cornertouchd.simulation.fingers import Capsules, Finger
+from cornertouchd.simulation.flanks import Lamp, glow
 from cornertouchd.simulation.noise import Light
 from cornertouchd.simulation.optics import TABULATED_RAD, CornerCamera
 
@@ -53,11 +54,19 @@ class Silhouettes:
         empty: Light,
         reach_mm: float,
         blur_px: float,
+        lamps: Callable[[Finger], tuple[Lamp, ...]] | None = None,
+        reflectance: float = 1.0,
     ) -> None:
-        """Prepare for fingers before an empty picture that is lit up to `reach_mm` above z = 0."""
+        """Prepare for fingers before an empty picture that is lit up to `reach_mm` above z = 0.
+
+        `lamps` tells what lights a finger up, beyond the share that all have; their mirror images
+        are dimmer by `reflectance`.
+        """
         self._camera = camera
         self._origin_mm = np.array([camera.x_mm, camera.y_mm, camera.height_mm])
         self._reach_mm = reach_mm
+        self._lamps = lamps
+        self._reflectances = np.array([[1.0], [reflectance]], np.float32)
         columns_px = np.arange(picture.width_px) + 0.5
         rows_px = np.arange(picture.rows_px) + 0.5 + picture.row_offset_px
         self._rays = camera.rays(*np.meshgrid(columns_px, rows_px)).astype(np.float32)
@@ -72,18 +81,29 @@ class Silhouettes:
         )
 
     def shade(self, light: Light, fingers: Sequence[Finger]) -> None:
-        """Take from `light` (rows, columns), in place, what the fingers hide."""
+        """Take from `light` (rows, columns), in place, what the fingers hide; add their glow."""
         if not fingers:
             return
         capsules = Capsules.seen_from(self._origin_mm, fingers)
         patches = self._patches(capsules)
         if not patches:
             return
-        passed = self._share_passed(capsules, patches)
+        hidden, beside = self._hidden(capsules, patches)
+        passed = 1.0 - np.float32(1.0 - SKIN_SHARE) * hidden
+        passed_both: Light = passed[0] * passed[1]
         ends = accumulate((patch.count for patch in patches), initial=0)
         for patch, (start, end) in zip(patches, pairwise(ends), strict=True):
             shaded = light[patch.rows, patch.columns]
-            shaded *= passed[start:end].reshape(shaded.shape)
+            shaded *= passed_both[start:end].reshape(shaded.shape)
+            if self._lamps is not None:
+                tip = capsules.tips[patch.finger]
+                bright = glow(
+                    self._lamps(fingers[patch.finger]),
+                    float(np.arctan2(tip[1], tip[0])),
+                    beside[:, start:end],
+                )
+                bright *= hidden[:, start:end] * self._reflectances
+                shaded += np.max(bright, axis=0).reshape(shaded.shape)
 
     def _patches(self, capsules: Capsules) -> list[Patch]:
         """Return where each finger hides light, leaving out those out of view."""
@@ -109,8 +129,11 @@ class Silhouettes:
                 patches.append(Patch(finger, slice(top, bottom), columns, count))
         return patches
 
-    def _share_passed(self, capsules: Capsules, patches: Sequence[Patch]) -> Light:
-        """Return the share of light that passes in the pixels of all patches, one after another.
+    def _hidden(self, capsules: Capsules, patches: Sequence[Patch]) -> tuple[Light, Light]:
+        """Return how finger and mirror image cover the pixels of all patches, one after another.
+
+        That is the share that each covers (2, N), and how far to the right of its axis it is met
+        (2, N), in units of its radius, which is worked out if something lights fingers up.
 
         All in units of the finger's radius: m = axis x tip, and a ray of direction d, |d| = 1,
         passes the line of the axis at the distance |m·d| / |d x axis|; where it does so below the
@@ -126,9 +149,11 @@ class Silhouettes:
         distance = np.sqrt(moment * moment / off_axis + beyond_tip * beyond_tip * off_axis)
         blurs = blurs_per_rad / np.maximum(depth, np.float32(1e-3))
         hidden = normal_share((1.0 + distance) * blurs) - normal_share((distance - 1.0) * blurs)
-        passed = 1.0 - np.float32(1.0 - SKIN_SHARE) * hidden
-        passed_both: Light = passed[0] * passed[1]
-        return passed_both
+        if self._lamps is None:
+            return hidden, moment
+        beside = moment / np.sqrt(off_axis)
+        beside[1] *= -1.0  # the axis of the mirror image points down
+        return hidden, beside
 
     def _forms(self, capsules: Capsules) -> tuple[Light, Light]:
         """Return what is asked of each ray, (F, 6, 3) linear forms, and (F, 3) constants.
