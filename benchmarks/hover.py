@@ -7,8 +7,8 @@ per axis) and a scribble: 8 to 16 mm thick, leaning by up to 45 degrees towards 
 but in the outer 10 mm.  A cell is the share of fingers of that clearance that are reported as
 touching, every frame set on its own, for each setting of `touch_point.touch_height_mm`.  At 0 the
 finger touches; what is missing from 100 % there was refused, but for those that have no contact at
-all (`not found`).  A row of clearances is an ROC curve: what is kept at 0 against what is let
-through.
+all (`not found`) and those taken for palms, which are not asked whether they touch (`palm`).  A
+column is an ROC curve: what is kept at 0 against what is let through above.
 """
 
 from collections.abc import Sequence
@@ -22,6 +22,7 @@ from calibration_sets import RigKind
 from leaning_fingers import KINDS, CalibratedRig, calibrated_rig, contact_of, random_finger
 
 from cornertouchd.config import Settings, TouchPointSettings
+from cornertouchd.model import Contact
 from cornertouchd.pipeline import SurfacePipeline
 
 CLEARANCES_MM = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0)
@@ -31,17 +32,28 @@ TAP_SIGMA_MM = 0.5
 
 @dataclass
 class Tally:
-    """Of fingers at one clearance: how many there were, had a contact, and were said to touch."""
+    """Of fingers at one clearance: how many there were, and what they were reported as."""
 
     fingers: int = 0
-    found: int = 0
+    missed: int = 0
+    palms: int = 0
     touching: list[int] = field(default_factory=lambda: [0] * len(TOUCH_HEIGHTS_MM))
 
     def row(self, rig: str, clearance_mm: float) -> list[str]:
         """Return the cells of its row."""
-        shares = [f"{100.0 * count / self.fingers:.1f} %" for count in self.touching]
-        missed = f"{100.0 * (1.0 - self.found / self.fingers):.1f} %"
-        return [rig, f"{clearance_mm:g}", *shares, missed]
+        counts = (*self.touching, self.palms, self.missed)
+        shares = [f"{100.0 * count / self.fingers:.1f} %" for count in counts]
+        return [rig, f"{clearance_mm:g}", *shares]
+
+    def add(self, contacts: Sequence[Contact | None]) -> None:
+        """Count a finger, by the contact that it has at each setting."""
+        self.fingers += 1
+        self.missed += contacts[0] is None
+        self.palms += contacts[0] is not None and contacts[0].kind == "palm"
+        for place, contact in enumerate(contacts):
+            self.touching[place] += (
+                contact is not None and contact.touching and contact.kind != "palm"
+            )
 
 
 def surfaces_of(calibrated: CalibratedRig) -> list[SurfacePipeline]:
@@ -66,17 +78,13 @@ def measure(kind: RigKind, rigs: int, fingers: int) -> list[Tally]:
             for index in range(fingers):
                 finger = random_finger(kind.surface_mm, rng, clearance_mm)
                 seen = calibrated.observe(1000 + number * fingers + index, finger)
-                contacts = [contact_of(surface, seen, finger) for surface in surfaces]
-                tally.fingers += 1
-                tally.found += contacts[0] is not None
-                for place, contact in enumerate(contacts):
-                    tally.touching[place] += contact is not None and contact.touching
+                tally.add([contact_of(surface, seen, finger) for surface in surfaces])
     return tallies
 
 
 def titles() -> Sequence[str]:
     heights = [f"touch_height_mm {height_mm:g}" for height_mm in TOUCH_HEIGHTS_MM]
-    return ["frame", "clearance, mm", *heights, "not found"]
+    return ["frame", "clearance, mm", *heights, "palm", "not found"]
 
 
 @click.command(help=__doc__)
