@@ -108,7 +108,7 @@ class Background:
         shadows = find_shadows(
             measured.profile,
             self._vision,
-            sunlit=measured.is_sunlit(self._reference),
+            sunlit=measured.is_sunlit(self._reference, self._vision.saturated_grey),
             hiding=self._reference.on_strip,
         )
         self._known = measured.profile.known

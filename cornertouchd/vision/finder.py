@@ -28,7 +28,7 @@ class ProfileFinder:
     def find(self, picture: Picture) -> Shadows:
         """Return the shadows of a picture (rows, width_px) from left to right."""
         measured = self.sampler.measure(picture, self.sampler.reference)
-        sunlit = measured.is_sunlit(self.sampler.reference)
+        sunlit = measured.is_sunlit(self.sampler.reference, self._settings.saturated_grey)
         return find_shadows(measured.profile, self._settings, sunlit=sunlit)
 
     def find_with_hidden(self, picture: Picture) -> tuple[Shadows, float]:
@@ -42,7 +42,7 @@ class ProfileFinder:
         shadows = find_shadows(
             measured.profile,
             self._settings,
-            sunlit=measured.is_sunlit(reference),
+            sunlit=measured.is_sunlit(reference, self._settings.saturated_grey),
             hiding=reference.on_strip,
         )
         return shadows, measured.gain

@@ -38,13 +38,13 @@ class Measured(NamedTuple):
     gain: float
     rough_share: float
 
-    def is_sunlit(self, reference: Reference) -> bool:
+    def is_sunlit(self, reference: Reference, saturated_grey: float) -> bool:
         """Tell whether sunlight is to be reckoned with, that of the reference or a new one."""
         if reference.sunlit:
             return True
+        full = reference.usable & (self.peak >= saturated_grey)
         usable = int(np.count_nonzero(reference.usable))
-        full = usable - int(np.count_nonzero(self.profile.known))
-        return full > SUNLIT_SHARE * usable
+        return int(np.count_nonzero(full)) > SUNLIT_SHARE * usable
 
     def require_strip(self) -> None:
         """Raise `NoiseError` if this can be no strip, whatever stands before it."""

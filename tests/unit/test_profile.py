@@ -110,6 +110,17 @@ def test_a_column_at_full_scale_is_unknown_unless_it_is_so_without_touch() -> No
     assert ProfileSampler(STRIP, flash, VisionSettings()).sample(expose(flash)).known[:110].all()
 
 
+def test_sun_that_shines_in_is_reckoned_with_at_once() -> None:
+    flash = picture()
+    flash[:, 50:56] = 255
+    for light, sunlit in ((picture(), False), (flash, True)):
+        measured = SAMPLER.measure(expose(light), SAMPLER.reference)
+        assert measured.is_sunlit(SAMPLER.reference, VisionSettings().saturated_grey) == sunlit
+    dazzled = ProfileSampler(STRIP, flash, VisionSettings())
+    measured = dazzled.measure(expose(picture()), dazzled.reference)
+    assert measured.is_sunlit(dazzled.reference, VisionSettings().saturated_grey)
+
+
 def test_pictures_that_may_not_be_written_or_lie_apart_are_measured_as_well() -> None:
     whole = expose(picture(dark_columns=slice(40, 50)))
     frozen = whole.copy()
