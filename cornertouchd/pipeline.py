@@ -146,7 +146,7 @@ class CameraPipeline:
     def find_blind_columns(self, frame: Frame) -> tuple[MaskedColumns, ...]:
         """Return the columns that have been blind for a while, up to a picture that was observed.
 
-        The same objects until something changes.  Two looks a second take .1 ms each, so it is for
+        The same objects until something changes.  Two looks a second take .3 ms each, so it is for
         after the observation has been told.
         """
         if self._blindness.is_due(frame.captured_at_s):

@@ -56,7 +56,7 @@ class NotDarkError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class MaskedColumns:
-    """Columns first_px to last_px are blind: why, and what to do."""
+    """Columns first_px to last_px see little or nothing: why, and what to do."""
 
     first_px: int
     last_px: int
@@ -64,7 +64,8 @@ class MaskedColumns:
     remedy: str
 
     def __str__(self) -> str:
-        return f"columns {self.first_px}..{self.last_px} are blind: {self.why}; {self.remedy}"
+        where = f"columns {self.first_px}..{self.last_px}"
+        return f"{where} see little or nothing: {self.why}; {self.remedy}"
 
 
 class Sight(NamedTuple):

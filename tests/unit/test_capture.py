@@ -159,7 +159,7 @@ def test_columns_that_go_blind_are_told_once_and_when_they_see_again(
     with caplog.at_level(logging.WARNING):
         run(["good"] * 10 + ["sunny"] * 20 + ["good"] * 10)
     assert [record.message for record in caplog.records] == [
-        "camera C1: columns 100..180 are blind: at full scale; shade the sun",
+        "camera C1: columns 100..180 see little or nothing: at full scale; shade the sun",
         "camera C1: columns 100..180 see again",
     ]
 
