@@ -2,8 +2,9 @@
 
 The tip's centre is `radius - pressed` above (x, y); from there the axis rises along (sx, sy, 1).
 A ray grazes the capsule, or its mirror image, when it passes the axis at the distance of the
-radius.  The fit is a damped Gauss-Newton whose rays lose weight as their residuals grow
-(soft L1: rho(f) = 2 sqrt(1 + f**2) - 2).
+radius.  What stands before or behind it can only widen its shadow: rays that pass outside lose
+weight as their residuals grow (soft L1: rho(f) = 2 sqrt(1 + f**2) - 2), those that pass through
+it do not (f**2).  The fit is a damped Gauss-Newton.
 """
 
 import numpy as np
@@ -36,7 +37,7 @@ PRESSED_MM, PRESSED_SIGMA_MM = 0.6, 0.3
 TAPER_MEAN, TAPER_SIGMA = 0.03, 0.015
 LEAN_SIGMA = 1.0
 POSITION_SIGMA_MM = 8.0
-RADIUS_SIGMA_MM = 4.0
+RADIUS_SIGMA_MM = 2.0
 # The tip itself is round.
 SHAFT_BEGINS_MM = 2.0
 # Closer than this a ray meets the axis itself, and there is no direction away from it.
@@ -119,10 +120,10 @@ def total_cost(
     for ray in range(count):
         off = rays[ray, WEIGHT] * miss(rays, ray, pose, rows)
         rows[ray, UNKNOWNS] = off
-        cost += 2.0 * np.sqrt(1.0 + off * off) - 2.0
+        cost += 2.0 * np.sqrt(1.0 + off * off) - 2.0 if off > 0.0 else off * off
     for ray in range(count):
         weight, off = rays[ray, WEIGHT], rows[ray, UNKNOWNS]
-        believed = weight / np.sqrt(1.0 + off * off)
+        believed = weight / np.sqrt(1.0 + off * off) if off > 0.0 else weight
         pull = believed * off
         believed *= weight
         for i in range(UNKNOWNS):

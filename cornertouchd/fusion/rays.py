@@ -22,6 +22,10 @@ OUTLINE_SIGMA_MM = 0.12
 TRACE_SIGMA_PX = 0.12
 # An edge that was lost after two rows may have been another one's.
 FEWEST_RAYS_OF_AN_EDGE = 3
+# A ray that passes so far outside of a finger, in its sigmas, grazes another one.
+FARTHEST_OUTSIDE = 2.5
+# Other fingers widen no more of three or four edges.
+MOST_WIDENED = 2
 # Nearer to a camera than this the picture shows nothing but the finger.
 NEAREST_MM = 1.0
 
@@ -195,6 +199,27 @@ def without_edge(rays: FloatArray, count: int, edge: int) -> int:
     kept = 0
     for ray in range(count):
         if rays[ray, EDGE] != edge:
+            rays[kept] = rays[ray]
+            kept += 1
+    return kept
+
+
+@inlined
+def without_outer(rays: FloatArray, count: int, off: FloatArray) -> int:
+    """Take the rays that pass far outside out of the first `count`; return how many are left.
+
+    `off` is by how many sigmas each passes outside.  If more than `MOST_WIDENED` edges have such
+    rays, the shape is another one, and all are left.
+    """
+    widened, latest = 0, -1.0
+    for ray in range(count):
+        if off[ray] >= FARTHEST_OUTSIDE and rays[ray, EDGE] != latest:
+            widened, latest = widened + 1, rays[ray, EDGE]
+    if widened > MOST_WIDENED:
+        return count
+    kept = 0
+    for ray in range(count):
+        if off[ray] < FARTHEST_OUTSIDE:
             rays[kept] = rays[ray]
             kept += 1
     return kept

@@ -20,11 +20,13 @@ from cornertouchd.fusion.capsule_fit import (
     X,
     Y,
     fit_capsule,
+    pose_of,
     worst_edge,
 )
 from cornertouchd.fusion.cholesky import write_inverse_column
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import row_of_three
+from cornertouchd.fusion.grazing import weaken_shared
 from cornertouchd.fusion.hover import gap_number
 from cornertouchd.fusion.rays import (
     RAY_COLUMNS,
@@ -32,6 +34,7 @@ from cornertouchd.fusion.rays import (
     Views,
     every_second,
     without_edge,
+    without_outer,
     write_rays,
 )
 from cornertouchd.fusion.touch_fit import FEWEST_RAYS, fit_touch
@@ -53,6 +56,8 @@ UNKNOWN_AZIMUTH_SIGMA_RAD = np.pi / np.sqrt(3.0)
 FEWEST_EDGES, FEWEST_CHECKED, UNCHECKED = 3, 4, 6.0
 # Neighbouring rays of an edge share their errors: with so many edges every second one will do.
 MANY_EDGES = 5
+# Fingers that nothing else hides cost less than this (95 of 100).
+SMOOTH_COST = 0.5
 # A capsule is believed if its rays fit it as well as those of fingers do and nothing about it is
 # strange for a finger: discs and pens want no round tip, what hovers wants one above the surface.
 LARGEST_COST, LARGEST_STRANGENESS = 1.0, 3.0
@@ -78,6 +83,7 @@ class Room(NamedTuple):
     capsule: FloatArray
     capsule_information: FloatArray
     rows: FloatArray
+    poses: FloatArray
 
 
 @inlined
@@ -103,35 +109,55 @@ def _write_section(
 @inlined
 def _fit(
     views: Views, traces: Traces, owned: IntArray, contact: int, points: FloatArray, room: Room
-) -> None:
-    """Improve the section by the edges that it owns, as far as they tell."""
+) -> int:
+    """Improve the section by the edges that it owns, as far as they tell; return their number.
+
+    Rays that graze the capsules in `room.poses` of other contacts as well tell less.
+    """
     x, y = points[contact, AT_X], points[contact, AT_Y]
     radius = points[contact, AT_RADIUS]
     if not radius < LARGEST_RADIUS_MM:
-        return  # palms have no tip
+        return 0  # palms have no tip
     count, edges, cameras = write_rays(views, traces, owned, contact, x, y, radius, room.rays)
     if cameras < 2 or edges < FEWEST_EDGES:
-        return
+        return 0
+    weaken_shared(room.rays, count, room.poses, contact)
     touch, information = room.touch, room.touch_information
     used, misfit = fit_touch(room.rays, count, x, y, radius, touch, information)
     if used < FEWEST_RAYS:
-        return
+        return 0
     variance_mm2 = points[contact, XX]
     doubt = RAYS_IN_ONE * max(misfit, 1.0) * (UNCHECKED if edges <= FEWEST_CHECKED else 1.0)
     if _is_near(touch[0] - x, touch[1] - y, variance_mm2):
         _write_fit(points, contact, SHAPE_FREE, touch, information, 2, doubt)
-    if edges == FEWEST_EDGES:
-        return
     if edges >= MANY_EDGES:
         count = every_second(room.rays, count)
     cost = _fit_capsule(room, count, x, y, radius)
+    if not cost < SMOOTH_COST and edges <= FEWEST_CHECKED:
+        kept = without_outer(room.rays, count, room.rows[:, UNKNOWNS])
+        if FEWEST_RAYS <= kept < count:  # they graze what stands before or behind it
+            count = kept
+            cost = _fit_capsule(room, count, x, y, radius)
     if not cost < LARGEST_COST and edges > FEWEST_CHECKED:  # one edge may be another finger's
         count = without_edge(room.rays, count, worst_edge(room.rays, count, room.rows))
         cost = _fit_capsule(room, count, x, y, radius)
     if cost < LARGEST_COST and _is_finger(room.capsule, x, y, variance_mm2):
         points[contact, AT_RADIUS] = room.capsule[RADIUS]
         information, doubt = room.capsule_information, RAYS_IN_ONE * max(cost, 1.0)
+        if edges == FEWEST_EDGES:
+            doubt *= UNCHECKED
         _write_fit(points, contact, CAPSULE, room.capsule, information, LEAN_X, doubt)
+    return edges
+
+
+@inlined
+def _shares_rays(
+    views: Views, traces: Traces, owned: IntArray, contact: int, disc: FloatArray, room: Room
+) -> bool:
+    """Whether rays of a contact graze the capsules of others as well."""
+    x, y, radius = disc[0], disc[1], disc[2]
+    count, _, _ = write_rays(views, traces, owned, contact, x, y, radius, room.rays)
+    return bool(weaken_shared(room.rays, count, room.poses, contact) > 0)
 
 
 @inlined
@@ -244,12 +270,24 @@ def touch_points(
         np.empty(UNKNOWNS),
         np.empty((UNKNOWNS, UNKNOWNS)),
         np.empty((2 * len(eyes) * columns_px.shape[2], UNKNOWNS + 1)),
+        np.full((len(discs), 8), np.nan),
     )
-    points = np.empty((len(discs), COLUMNS))
+    points, poses = np.empty((len(discs), COLUMNS)), room.poses.copy()
+    edges = np.full(len(discs), FEWEST_EDGES)
+    for again in range(2 if len(discs) > 1 else 1):
+        for contact in range(len(discs)):
+            if edges[contact] < FEWEST_EDGES or edges[contact] > MANY_EDGES:
+                continue  # it would change nothing, or hardly anything
+            if again and not _shares_rays(views, traces, owned, contact, discs[contact], room):
+                continue
+            x, y, radius = row_of_three(discs, contact)
+            camera_mm = float(np.mean(eyes[:, 2]))
+            _write_section(points, contact, x, y, radius, sigma_mm[contact], camera_mm)
+            edges[contact] = _fit(views, traces, owned, contact, points, room)
+            if again == 0 and points[contact, METHOD] == CAPSULE:
+                poses[contact] = pose_of(room.capsule)
+        room.poses[:] = poses
     for contact in range(len(discs)):
-        x, y, radius = row_of_three(discs, contact)
-        _write_section(points, contact, x, y, radius, sigma_mm[contact], float(np.mean(eyes[:, 2])))
-        _fit(views, traces, owned, contact, points, room)
         gap, cameras = gap_number(
             views, traces, points[contact, AT_X], points[contact, AT_Y], points[contact, AT_RADIUS]
         )

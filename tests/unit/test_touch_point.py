@@ -242,12 +242,56 @@ def test_outlines_of_another_width_are_refused() -> None:
         FINDER.find(np.array([LEANING.section()]), SECTION_SIGMA, own(ALL_EDGES), seen)
 
 
-def test_shape_free_fits_make_do_with_three_edges() -> None:
-    points = found(LEANING, ((0, 0), (0, 1), (1, 0)), np.random.default_rng(5))
+@pytest.mark.parametrize("seed", range(4))
+def test_three_edges_find_a_finger(seed: int) -> None:
+    edges = ((0, 0), (0, 1), (1, 0))
+    points = found(LEANING, edges, np.random.default_rng(seed))
+    assert points.methods[0] == CAPSULE
+    assert error_mm(points, LEANING) < 0.4
+    assert points.covariances_mm2[0, 0] > 3.0 * found(LEANING).covariances_mm2[0, 0]
+
+
+def test_three_edges_find_a_rod() -> None:
+    rod = Finger(200.0, 120.0, 4.0, round_tip=False)
+    points = found(rod, ((0, 0), (0, 1), (1, 0)), np.random.default_rng(5))
     assert points.methods[0] in {SECTION, SHAPE_FREE}
-    assert sigmas_off(points, LEANING) < 4.0
+    assert sigmas_off(points, rod) < 4.0
+
+
+@pytest.mark.parametrize("edges", [ALL_EDGES[:3], ALL_EDGES[:4], ALL_EDGES[1:6]])
+def test_rows_in_which_another_finger_stands_out_are_left_out(
+    edges: tuple[tuple[int, int], ...],
+) -> None:
+    seen = [outlines_of(sight, LEANING) for sight in SIGHTS]
+    columns_px = seen[0].columns_px.copy()
+    columns_px[0, 1, 4:9] += np.array([1.0, 3.0, 5.0, 4.0, 2.0])
+    seen[0] = replace(seen[0], columns_px=columns_px)
+    points = FINDER.find(np.array([LEANING.section()]), SECTION_SIGMA, own(edges), seen)
+    assert points.methods[0] == CAPSULE
+    assert error_mm(points, LEANING) < 0.15
 
 
 def test_palms_keep_their_section() -> None:
     palm = Finger(200.0, 120.0, 22.0, round_tip=False)
     assert found(palm).methods[0] == SECTION
+
+
+def test_an_edge_that_two_fingers_share_tells_less() -> None:
+    hidden, other = Finger(140.0, 170.0), Finger(183.2, 222.2, 7.8)
+    edges = ((0, 0), (1, 0), (1, 1))
+    sections = np.array([hidden.section(), other.section()])
+    seen = []
+    for sight in SIGHTS:
+        first, second = outlines_of(sight, hidden), outlines_of(sight, other)
+        seen.append(
+            replace(
+                first,
+                columns_px=np.concatenate([first.columns_px, second.columns_px]),
+                rows_px=np.concatenate([first.rows_px, second.rows_px]),
+            )
+        )
+    owned = np.concatenate([own(edges), np.where(own(ALL_EDGES) == 0, 1, -1)])
+    alone = FINDER.find(sections[:1], SECTION_SIGMA, owned[:1], seen)
+    points = FINDER.find(sections, np.array([0.2, 0.2]), owned, seen)
+    assert points.covariances_mm2[0, 0] > 1.1 * alone.covariances_mm2[0, 0]
+    assert sigmas_off(points, hidden) < 3.0
