@@ -105,6 +105,7 @@ class KindsOfContacts:
             for number in set(wide) - parts
             if len(contacts[number].cameras) >= CAMERAS_OF_AN_ARM
             and not self._is_slim(sections[number])
+            and not _is_clear_finger(crossed, number)
             and (around[number] == "cut off" or contacts[number].diameter_mm > self._palm_mm)
         ]
         if not palms and not arms:

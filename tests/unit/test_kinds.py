@@ -1,6 +1,7 @@
 """Palms, arms and pens are told from fingers, and fingers are never taken for them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,6 +72,18 @@ class TestPalms:
             contacts = found(arm)
             assert contacts
             assert set(kinds(contacts)) == {"palm"}
+
+    def test_a_finger_of_which_every_camera_sees_one_edge_is_none(self) -> None:
+        seen = frame_set([(175.0, 200.0, 6.0)], rng=np.random.default_rng(1))
+        hidden = {"C1": 1, "C2": 1, "C3": 0, "C4": 0}  # each by the camera in the far corner
+        observations = []
+        for one in seen.observations:
+            valid = one.shadows.valid.copy()
+            valid[0, hidden[one.camera]] = False
+            observations.append(replace(one, shadows=replace(one.shadows, valid=valid)))
+        (finger,) = surface_pipeline().cross(replace(seen, observations=tuple(observations)))
+        assert finger.kind == "finger"
+        assert (finger.x_mm, finger.y_mm) == pytest.approx((175.0, 200.0), abs=3.0)
 
     def test_a_finger_far_from_the_palm_stays_a_finger(self) -> None:
         contacts = found([*palm_at(230.0, 280.0), FINGER])
