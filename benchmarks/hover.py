@@ -26,7 +26,7 @@ from cornertouchd.model import Contact
 from cornertouchd.pipeline import SurfacePipeline
 
 CLEARANCES_MM = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0)
-TOUCH_HEIGHTS_MM = (0.0, 0.25, 0.5, 1.0)
+TOUCH_HEIGHTS_MM = (0.0, 0.2, 0.4)
 TAP_SIGMA_MM = 0.5
 
 
