@@ -189,6 +189,8 @@ class CameraPipeline:
     def _outlined(
         self, frame: Frame, seen: Observation, reference: Reference, gain: float
     ) -> Observation:
+        if not self._settings.touch_point.enabled:
+            return seen
         outlines = self._tracer.trace(frame.pixels, seen.shadows, reference, gain)
         return Observation(seen.camera, seen.sequence, seen.captured_at_s, seen.shadows, outlines)
 

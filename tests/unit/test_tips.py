@@ -82,6 +82,9 @@ def test_switched_off_or_with_the_papers_edges_it_is_the_section(bench: Bench) -
         found = bench.contacts(LEANING, settings)
         assert [contact.lean for contact in found] == [None, None]
         assert all(contact.section_mm == (contact.x_mm, contact.y_mm) for contact in found)
+        camera = CameraPipeline(bench.rig.calibration.cameras[0], settings)
+        frame, *_ = bench.rig.rig.frame_set(1, 1.0, LEANING)
+        assert camera.find(frame).outlines is None  # what nobody asks for costs nothing
 
 
 @pytest.mark.parametrize("height_mm", [0.5, 2.0, 4.0])
