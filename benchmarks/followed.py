@@ -5,7 +5,7 @@
 
 Calibrated by auto from 16 taps and a scribble.  A new `sequence` of truth.csv begins with new
 touches.  Jitter is the RMS distance of the reports from their mean, over a sequence without its
-first tenth of a second; errors are against the finger's section at the height of the cameras.
+first tenth of a second; errors are against where the tip of the finger touches.
 """
 
 import csv
@@ -29,11 +29,11 @@ SETTLED_AFTER = 10
 
 
 def sequences(path: Path) -> dict[int, list[tuple[int, FloatArray]]]:
-    """Return of every sequence its frame sets and where the finger's section was."""
+    """Return of every sequence its frame sets and where the finger touched."""
     found = defaultdict(list)
     with path.open(newline="") as file:
         for row in csv.DictReader(file):
-            place = np.array([float(row["section_x_mm"]), float(row["section_y_mm"])])
+            place = np.array([float(row["x_mm"]), float(row["y_mm"])])
             found[int(row["sequence"])].append((int(row["set"]), place))
     return dict(found)
 

@@ -137,13 +137,12 @@ class Truth:
         self._section = rig.truth.section
 
     def fingers_at(self, index: int) -> dict[int, tuple[float, float]]:
-        """Return where the cameras see each finger that is down, by its key."""
-        places = {}
-        for timed in self._script(index / RATE_HZ):
-            section = self._section(timed.finger)
-            if section is not None:
-                places[timed.key] = (section.x_mm, section.y_mm)
-        return places
+        """Return where the tip of each finger is that the cameras see, by its key."""
+        return {
+            timed.key: (timed.finger.x_mm, timed.finger.y_mm)
+            for timed in self._script(index / RATE_HZ)
+            if self._section(timed.finger) is not None
+        }
 
 
 @dataclass
