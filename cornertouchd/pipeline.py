@@ -219,7 +219,7 @@ def find_tips(calibration: Calibration, settings: Settings) -> TipFinder | None:
     """
     if not settings.touch_point.enabled or settings.vision.edges == "paper":
         return None
-    tables = {}
+    tables, matt = {}, []
     for camera in calibration.cameras:
         if camera.heights is None:
             continue
@@ -228,6 +228,13 @@ def find_tips(calibration: Calibration, settings: Settings) -> TipFinder | None:
             tables[camera.id] = height_table(
                 camera.id, strip, camera.model, calibration.surface_mm, camera.heights
             )
+            matt += [] if strip.mirrored else [camera.id]
+    if matt:
+        _log.warning(
+            "camera %s: sees no mirror image of the strip in the screen, so touches are located "
+            "less exactly, and what hovers counts as touching",
+            ", ".join(matt),
+        )
     lacking = [camera.id for camera in calibration.cameras if camera.id not in tables]
     if lacking:
         _log.warning(

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot
 
 import numpy as np
@@ -16,9 +16,11 @@ from cornertouchd.config import (
 )
 from cornertouchd.fusion.pairing import frame_set_of
 from cornertouchd.model import Contact
-from cornertouchd.pipeline import CameraPipeline, SurfacePipeline
+from cornertouchd.pipeline import CameraPipeline, SurfacePipeline, find_tips
 from cornertouchd.runtime.bench_show import BenchRig, bench_rig
+from cornertouchd.runtime.simulated_rig import calibrate_rig
 from cornertouchd.simulation.fingers import Finger, section
+from cornertouchd.simulation.rig import SimulatedRig
 
 CAMERA_HEIGHT_MM = 6.0
 LEANING = [
@@ -100,3 +102,18 @@ def test_how_high_counts_as_touching_can_be_set(bench: Bench) -> None:
     hovering = [Finger(150.0, 220.0, 12.0, lean_rad=0.3, height_mm=0.15)]
     assert [contact.touching for contact in bench.contacts(hovering)] == [False]
     assert [contact.touching for contact in bench.contacts(hovering, low)] == [True]
+
+
+def test_a_matt_screen_and_a_camera_without_heights_are_told(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    calibration = bench.rig.calibration
+    first, *others = calibration.cameras
+    lacking = replace(calibration, cameras=(replace(first, heights=None), *others))
+    assert find_tips(lacking, Settings()) is not None
+    assert "camera C1: tells nothing about heights" in caplog.text
+    settings = Settings()
+    rig = SimulatedRig(calibration.surface_mm, 640, 480, 64, seed=1, reflectance=0.0)
+    caplog.clear()
+    assert find_tips(calibrate_rig(rig, settings), settings) is not None
+    assert "camera C1, C2, C3, C4: sees no mirror image" in caplog.text
