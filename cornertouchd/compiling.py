@@ -30,6 +30,7 @@ FOLDERS = ("fusion", "locating", "vision")
 """Where compiled functions are."""
 
 COMPILED_BESIDE = (
+    "cornertouchd.fusion.touch_table",
     "cornertouchd.fusion.following",
     "cornertouchd.fusion.motion",
     "cornertouchd.fusion.assignment",
