@@ -19,6 +19,7 @@ from cornertouchd.locating.height_table import (
 )
 from cornertouchd.locating.line_table import tabulate
 from cornertouchd.model import FloatArray, Outlines
+from cornertouchd.vision.outlines import LEVELS
 from cornertouchd.vision.strip import Strip, StripNotFoundError, find_strip
 
 MOVED_PX = 0.5
@@ -90,11 +91,10 @@ def middle_lines(uprights: Sequence[Outlines]) -> tuple[FloatArray, FloatArray]:
     columns, rows = [], []
     for outlines in uprights:
         for edges_px, levels_px in zip(outlines.columns_px, outlines.rows_px, strict=True):
-            direct = slice(0, 7)
-            columns.append(edges_px.mean(axis=0)[direct])
-            rows.append(levels_px.mean(axis=0)[direct])
+            columns.append(edges_px.mean(axis=0)[: len(LEVELS)])
+            rows.append(levels_px.mean(axis=0)[: len(LEVELS)])
     if not columns:
-        return np.empty((0, 7)), np.empty((0, 7))
+        return np.empty((0, len(LEVELS))), np.empty((0, len(LEVELS)))
     return np.array(columns), np.array(rows)
 
 
