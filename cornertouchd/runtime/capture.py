@@ -6,6 +6,7 @@ growing delay between the attempts.
 
 import logging
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from cornertouchd.calibration.calibration import CalibrationError, CameraCalibration
@@ -159,17 +160,20 @@ class CaptureThread:
         self._frames += 1
         self._faults.good()
         self._box.put(frame.camera, observation)
-        self._watch_strip(frame)
-        self._watch_blind_columns(frame)
+        self._watch("strip not watched", self._watch_strip, frame)
+        self._watch("blind columns not looked for", self._watch_blind_columns, frame)
         return True
 
-    def _watch_strip(self, frame: Frame) -> None:
-        """Tell when the strip is no longer on its rows; the observation is on its way."""
+    def _watch(self, fault: str, watch: Callable[[Frame], None], frame: Frame) -> None:
+        """Look for what is told beside the observation, which is on its way."""
         try:
-            shift = self._pipeline.find_strip_shift(frame)
+            watch(frame)
         except Exception as error:  # noqa: BLE001  pictures are observed without it
-            self._faults.fault("strip not watched", error, traceback_of=error)
-            return
+            self._faults.fault(fault, error, traceback_of=error)
+
+    def _watch_strip(self, frame: Frame) -> None:
+        """Tell when the strip is no longer on its rows."""
+        shift = self._pipeline.find_strip_shift(frame)
         if shift is self._shift:
             return
         self._shift = shift
@@ -177,11 +181,7 @@ class CaptureThread:
 
     def _watch_blind_columns(self, frame: Frame) -> None:
         """Tell which columns go blind and which see again."""
-        try:
-            blind = self._pipeline.find_blind_columns(frame)
-        except Exception as error:  # noqa: BLE001  pictures are observed without it
-            self._faults.fault("blind columns not looked for", error, traceback_of=error)
-            return
+        blind = self._pipeline.find_blind_columns(frame)
         if blind is self._blind:
             return
         before, self._blind = self._blind, blind
