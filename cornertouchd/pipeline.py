@@ -263,7 +263,9 @@ class SurfacePipeline:
             settings.motion,
             {camera.id: camera.format.width_px for camera in calibration.cameras},
         )
-        self._tracker = Tracker(settings.tracking, calibration.surface_mm)
+        self._tracker = Tracker(
+            settings.tracking, calibration.surface_mm, 1.0 / settings.cameras.rate_hz
+        )
         self._drift = DriftWatch(calibration)
 
     def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:

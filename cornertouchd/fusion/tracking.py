@@ -56,6 +56,7 @@ UNBOUNDED_MM = (inf, inf)
 NO_TRACKS = np.empty((0, TRACK_COLUMNS))
 # A running median: fourteen frame sets until it has halved or doubled.
 STEP_OF_MEDIAN = 1.05
+USUAL_PERIOD_S = 0.01
 
 
 class Hides(Protocol):
@@ -69,19 +70,20 @@ class Hides(Protocol):
 
 
 class _Period:
-    """How long after each other frame sets usually come, so that skipped ones can be counted."""
+    """How long after each other frame sets usually come, so that skipped ones can be counted.
 
-    def __init__(self) -> None:
-        self._median_s: float | None = None
+    It begins with what the cameras were told: the first ones may be those that are skipped.
+    """
+
+    def __init__(self, first_s: float) -> None:
+        self._median_s = first_s
 
     def count(self, elapsed_s: float) -> float:
         """Return how many periods have passed with a frame set that comes so long after another."""
         if not 0.0 < elapsed_s <= LONGEST_PAUSE_S:
             return 1.0
-        median_s = self._median_s or elapsed_s
-        median_s *= STEP_OF_MEDIAN if elapsed_s > median_s else 1.0 / STEP_OF_MEDIAN
-        self._median_s = median_s
-        return max(1.0, float(round(elapsed_s / median_s)))
+        self._median_s *= STEP_OF_MEDIAN if elapsed_s > self._median_s else 1.0 / STEP_OF_MEDIAN
+        return max(1.0, float(round(elapsed_s / self._median_s)))
 
 
 class Tracker:
@@ -89,16 +91,19 @@ class Tracker:
 
     Of each frame set `predict` tells where the touches are expected, for the crossing, and `update`
     takes what was found there.  Predicted places are kept on a surface of `surface_mm`, its width
-    and height.
+    and height.  Frame sets are taken to come every `period_s` until they tell otherwise.
     """
 
     def __init__(
-        self, settings: TrackingSettings, surface_mm: tuple[float, float] = UNBOUNDED_MM
+        self,
+        settings: TrackingSettings,
+        surface_mm: tuple[float, float] = UNBOUNDED_MM,
+        period_s: float = USUAL_PERIOD_S,
     ) -> None:
         self._settings = settings
         self._rules = _rules(settings, surface_mm)
         self._last_id = 0
-        self._period = _Period()
+        self._period = _Period(period_s)
         self.reset()
 
     def reset(self) -> None:

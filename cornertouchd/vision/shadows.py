@@ -286,16 +286,40 @@ def _add_hiding_places(
 
 
 @inlined
-def _sort(edges: FloatArray, depth: FloatArray, count: int) -> None:
+def _sort(edges: FloatArray, valid: BoolArray, depth: FloatArray, count: int) -> None:
     """Put shadows in order, from left to right."""
     for number in range(1, count):
         left, right, how_deep = edges[number, 0], edges[number, 1], depth[number]
+        left_told, right_told = valid[number, 0], valid[number, 1]
         place = number
         while place > 0 and edges[place - 1, 0] > left:
-            edges[place, 0], edges[place, 1] = edges[place - 1, 0], edges[place - 1, 1]
+            for side in range(2):
+                edges[place, side] = edges[place - 1, side]
+                valid[place, side] = valid[place - 1, side]
             depth[place] = depth[place - 1]
             place -= 1
         edges[place, 0], edges[place, 1], depth[place] = left, right, how_deep
+        valid[place, 0], valid[place, 1] = left_told, right_told
+
+
+@inlined
+def _tell(
+    brightness: FloatArray,
+    known: BoolArray,
+    sunlit: bool,
+    edges: FloatArray,
+    valid: BoolArray,
+    depth: float,
+) -> None:
+    """Tell which edges (2,) of a shadow are valid; those of a slope in the sun move to its ends."""
+    left, right = edges[0], edges[1]
+    told = depth > 0.0 and not (sunlit and is_glint(right - left, depth))
+    valid[0] = told and _edge_is_seen(known, left)
+    valid[1] = told and _edge_is_seen(known, right)
+    if sunlit and depth > 0.0:
+        edges[0], edges[1] = end_of_slope(brightness, left, -1), end_of_slope(brightness, right, 1)
+        valid[0] &= edges[0] == left
+        valid[1] &= edges[1] == right
 
 
 @compiled(
@@ -335,18 +359,8 @@ def _find(
         depth[number] = _depth(brightness, edges[number, 0], edges[number, 1])
     if count and len(all_hiding):
         count = _add_hiding_places(known, hiding, edges, depth, count)
-    _sort(edges, depth, count)
-    edges_px, valid, depths = np.empty((count, 2)), np.empty((count, 2), np.bool_), np.empty(count)
+    valid = np.empty((count, 2), np.bool_)
     for number in range(count):
-        left, right = edges[number, 0], edges[number, 1]
-        told = depth[number] > 0.0 and not (sunlit and is_glint(right - left, depth[number]))
-        valid[number, 0] = told and _edge_is_seen(known, left)
-        valid[number, 1] = told and _edge_is_seen(known, right)
-        if sunlit and depth[number] > 0.0:
-            begin, end = end_of_slope(brightness, left, -1), end_of_slope(brightness, right, 1)
-            valid[number, 0] &= begin == left
-            valid[number, 1] &= end == right
-            left, right = begin, end
-        edges_px[number, 0], edges_px[number, 1] = first + left, first + right
-        depths[number] = depth[number]
-    return edges_px, valid, depths
+        _tell(brightness, known, sunlit, edges[number], valid[number], depth[number])
+    _sort(edges, valid, depth, count)
+    return edges[:count] + first, valid, depth[:count].copy()

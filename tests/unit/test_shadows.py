@@ -150,6 +150,7 @@ unknown_runs = st.lists(st.tuples(st.integers(0, WIDTH - 1), st.integers(1, 30))
     st.booleans(),
     st.booleans(),
 )
+@example([(0.0, 18.5)], [], [(18, 0.5)], 0, True, False)  # two shadows, one ends where one begins
 def test_compiled_and_readable_ways_agree(
     shadows: list[tuple[float, float]],
     unknown: list[tuple[int, int]],
