@@ -515,3 +515,11 @@ class TestMissingCameras:
         seen = crossed([at(100.0, 100.0)], [NEW])
         assert ids(tracker.update(100.0, seen)) == [1]
         assert ids(tracker.update(100.01, seen, whole=False)) == [1]
+
+
+def test_touches_that_moved_on_while_nobody_looked_are_not_told_twice() -> None:
+    """Also when it is the first frame sets that are skipped, which tell how long others take."""
+    tracker = Tracker(TrackingSettings(), (350.0, 400.0))
+    tracker.update(100.0, crossed([at(100.0, 100.0), at(200.0, 100.0)], [NEW, NEW]))
+    later = crossed([at(100.0, 220.0), at(200.0, 220.0)], [NEW, NEW])
+    assert ids(tracker.update(100.15, later)) == [3, 4]
