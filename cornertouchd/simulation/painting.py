@@ -60,7 +60,7 @@ class PaintingProcess:
 
     def end(self) -> None:
         """End the process; the cameras are lost then."""
-        self._process.terminate()
+        self._process.kill()  # it heeds no other signal
         self._process.join()
 
     def painter(self, camera_id: str) -> Paint:
@@ -93,7 +93,8 @@ def _serve(
     make: Callable[[], tuple[SimulatedRig, Script]], cameras: Sequence[tuple[str, Connection]]
 ) -> None:
     """Paint what is asked for until nobody can ask any more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the daemon, whose end is ours
+    for number in (signal.SIGINT, signal.SIGTERM):  # they are for the daemon, whose end is ours
+        signal.signal(number, signal.SIG_IGN)
     rig, script = make()
     paints = {connection: painter(rig, script, camera) for camera, connection in cameras}
     for connection, paint in paints.items():
