@@ -1,0 +1,58 @@
+"""The pictures that simulated cameras show, and how USB cameras pack them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Picture = NDArray[np.uint8]
+
+
+class PictureLoop:
+    """Pictures (N, height_px, width_px) of one camera, from a .npy file, again and again."""
+
+    def __init__(self, path: Path) -> None:
+        self._pictures = np.load(path)
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+        _, height_px, width_px = self._pictures.shape
+        return width_px, height_px
+
+    def picture(self, number: int) -> Picture:
+        """Return a picture of the loop."""
+        return np.asarray(self._pictures[number % len(self._pictures)])
+
+
+def noise(shape: tuple[int, ...], number: int) -> Picture:
+    """Return a picture that shows nothing but noise."""
+    return np.random.default_rng(number).integers(0, 256, shape, np.uint8)
+
+
+def packed_grey(picture: Picture) -> bytes:
+    """Return a picture as the format GREY has it."""
+    return picture.tobytes()
+
+
+def packed_yuyv(picture: Picture) -> bytes:
+    """Return a picture as YUYV has it: brightness and, in between, no colour."""
+    packed = np.full((*picture.shape, 2), 128, np.uint8)
+    packed[..., 0] = picture
+    return packed.tobytes()
+
+
+def packed_mjpg(picture: Picture) -> bytes:
+    """Return a picture as a JPEG of its own, good enough to see edges in."""
+    done, coded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 90])
+    assert done
+    return coded.tobytes()
+
+
+PACKERS: dict[str, Callable[[Picture], bytes]] = {
+    "GREY": packed_grey,
+    "YUYV": packed_yuyv,
+    "MJPG": packed_mjpg,
+}
