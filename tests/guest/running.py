@@ -1,0 +1,77 @@
+"""The daemon as a process in the guest, and what it says, by the clock."""
+
+import re
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+from uvc.rig import device
+from uvc.show import CAMERAS, HEIGHT_PX, RATE_HZ, SURFACE_MM, WIDTH_PX, Show
+
+STARTS_S = 120.0
+ENDS_S = 10.0
+
+
+def write_config(path: Path, show: Show, more: str = "") -> Path:
+    """Write the settings of the simulated kiosk; `more` follows [cameras]."""
+    lines = [
+        "[surface]",
+        f"width_mm = {SURFACE_MM[0]}",
+        f"height_mm = {SURFACE_MM[1]}",
+        "[calibration]",
+        f'file = "{show.calibration}"',
+        "[cameras]",
+        f"width_px = {WIDTH_PX}",
+        f"height_px = {HEIGHT_PX}",
+        f"rate_hz = {RATE_HZ}",
+        more,
+        # One processor serves four cameras: their pictures come some milliseconds apart.
+        "[pairing]",
+        "tolerance_ms = 8.0",
+        "deadline_ms = 60.0",
+    ]
+    for camera in CAMERAS:
+        lines += [f"[cameras.{camera}]", f'device = "{device(camera)}"']
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+class RunningDaemon:
+    """`cornertouchd run`; `said` are its messages, each with the time when it came."""
+
+    def __init__(self, config: Path) -> None:
+        self.said: list[tuple[float, str]] = []
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "cornertouchd", "run", "--config", str(config)],
+            stdin=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self._thread = threading.Thread(target=self._read, name="journal", daemon=True)
+        self._thread.start()
+
+    def _read(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            self.said.append((time.monotonic(), line.rstrip()))
+            print(f"   [{self.said[-1][0]:8.2f}] {line.rstrip()}", file=sys.stderr, flush=True)
+
+    def said_since(self, time_s: float) -> list[tuple[float, str]]:
+        """Return the messages from a time on."""
+        return [(at_s, line) for at_s, line in self.said if at_s >= time_s]
+
+    def has_said(self, pattern: str, since_s: float = 0.0) -> bool:
+        """Tell whether a message from that time on matches a regular expression."""
+        return any(re.search(pattern, line) for _, line in self.said_since(since_s))
+
+    def stop(self) -> int:
+        """End the daemon as a service manager does, and return its exit status."""
+        self.process.terminate()
+        try:
+            return self.process.wait(timeout=ENDS_S)
+        finally:
+            self.process.kill()
+            self.process.wait()
+            self._thread.join()
