@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from cornertouchd.calibration.error_map import ErrorMap
+from cornertouchd.calibration.same_camera import same_camera
 from cornertouchd.errors import ReportedError
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.locating.height_table import Heights
@@ -55,7 +56,7 @@ class CameraCalibration:
 
         An empty identity is not known, and fits.
         """
-        if identity and self.identity and identity != self.identity:
+        if not same_camera(identity, self.identity):
             raise CalibrationError(
                 f"camera {self.id}: is another camera ({identity}) than was calibrated "
                 f"({self.identity}): cables exchanged? Plug it in where it was, or run "

@@ -7,6 +7,7 @@ import numpy as np
 from cornertouchd.calibration.calibration import Calibration, CameraCalibration, Method, Model
 from cornertouchd.calibration.error_map import places_mm
 from cornertouchd.calibration.fitted import rms
+from cornertouchd.calibration.same_camera import same_camera
 from cornertouchd.geometry import nearest_points_to_lines, normals, wrap_angle
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.locating.columns import columns_of_places
@@ -140,7 +141,7 @@ def _shift(
         float(np.degrees(np.nanmedian(turned))) if np.isfinite(turned).any() else float("nan"),
         rms(off),
         max(SAME_MM, EXPECTED_TIMES * expected_mm, RESIDUAL_TIMES * residual_mm),
-        exchanged=bool(before.identity and after.identity and before.identity != after.identity),
+        exchanged=not same_camera(before.identity, after.identity),
     )
 
 

@@ -1,5 +1,6 @@
 """The settings of the rig, real or simulated: surface, calibration, cameras."""
 
+import re
 from collections.abc import Mapping
 from typing import Literal
 
@@ -9,6 +10,8 @@ from cornertouchd.config.table import Table
 
 CAMERA_IDS = ("C1", "C2", "C3", "C4", "C5", "C6", "C7", "C8")
 DEFAULT_CAMERA_IDS = CAMERA_IDS[:4]
+USB_PORT = re.compile(r"port:\d+-\d+(\.\d+)*(:\d+\.\d+)?")
+"""Bus, ports through the hubs, and the interface where one housing has several cameras."""
 
 
 class SurfaceSettings(Table):
@@ -54,9 +57,11 @@ class CameraSettings(Table):
         min_length=1,
         max_length=4096,
         pattern=r"^[^\x00]*$",
-        json_schema_extra={"allowed": "the name of a video device"},
-        description="The camera's video device. The udev rules give each USB port a lasting name, "
-        "so that the cameras are never mixed up.",
+        json_schema_extra={"allowed": "a path, port:1-2.3 or serial:NUMBER"},
+        description="The camera's video device: a path such as the lasting names that udev rules "
+        "give, or port:1-2.3 for whatever camera hangs on that USB port, or serial:NUMBER for one "
+        'camera wherever it is plugged in. "cornertouchd cameras" shows what there is and writes '
+        "the rules.",
     )
     row_offset_px: int = Field(
         0,
@@ -72,6 +77,16 @@ class CameraSettings(Table):
         description="Number of rows used, from row_offset_px on. 0: all rows below it. An odd "
         "number of rows cannot be recorded.",
     )
+
+    @field_validator("device")
+    @classmethod
+    def _check_place(cls, device: str) -> str:
+        """Refuse a port or serial number that no camera can have."""
+        if device.startswith("port:") and not USB_PORT.fullmatch(device):
+            raise ValueError(f"{device!r} is no USB port; ports are written as port:1-2.3")
+        if device.startswith("serial:") and not device.removeprefix("serial:").strip():
+            raise ValueError("serial: lacks the number; write serial:NUMBER")
+        return device
 
 
 class CamerasSettings(Table):

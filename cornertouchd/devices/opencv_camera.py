@@ -10,7 +10,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from cornertouchd.devices.camera_identity import SYSFS, camera_identity
+from cornertouchd.devices.camera_identity import camera_identity
+from cornertouchd.devices.camera_places import PlaceError, device_path
+from cornertouchd.devices.usb_sysfs import SYSFS
 from cornertouchd.model import Frame, Picture, PictureFormat
 from cornertouchd.ports import CameraError
 
@@ -19,7 +21,7 @@ OLDEST_STAMP_S = 1.0
 
 
 class OpenCvCameraPort:
-    """A video device by its path; `now_s` reads CLOCK_MONOTONIC, `sysfs` is mounted there."""
+    """A video device by its path or place; `now_s` reads CLOCK_MONOTONIC, sysfs is at `sysfs`."""
 
     def __init__(
         self,
@@ -54,14 +56,13 @@ class OpenCvCameraPort:
 
     def open(self) -> "OpenCvCamera":
         """Open the device.  Raises `CameraError` if it is not there or has another size."""
-        if not Path(self._device).exists():  # else OpenCV writes warnings of its own
-            raise CameraError(self._id, f"{self._device} is not there; is it plugged in?")
-        backend = cv2.CAP_V4L2 if self._device.startswith("/dev/") else cv2.CAP_ANY
-        capture = cv2.VideoCapture(self._device, backend)
+        device = self._node()
+        backend = cv2.CAP_V4L2 if device.startswith("/dev/") else cv2.CAP_ANY
+        capture = cv2.VideoCapture(device, backend)
         if not capture.isOpened():
             raise CameraError(
                 self._id,
-                f"{self._device} cannot be opened; is it plugged in, and may "
+                f"{device} cannot be opened; is it plugged in, and may "
                 "this user read it (group video)?",
             )
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._format.width_px)
@@ -75,10 +76,19 @@ class OpenCvCameraPort:
             capture.release()
             raise CameraError(
                 self._id,
-                f"{self._device} gives {size[0]}x{size[1]}, configured "
+                f"{device} gives {size[0]}x{size[1]}, configured "
                 f"{self._format.width_px}x{self._format.height_px}; choose a size that it has",
             )
-        return OpenCvCamera(self._id, self._device, self._format, capture, self._now_s)
+        return OpenCvCamera(self._id, device, self._format, capture, self._now_s)
+
+    def _node(self) -> str:
+        try:
+            device = device_path(self._device, self._sysfs)
+        except PlaceError as error:
+            raise CameraError(self._id, str(error)) from error
+        if not Path(device).exists():  # else OpenCV writes warnings of its own
+            raise CameraError(self._id, f"{device} is not there; is it plugged in?")
+        return device
 
 
 class OpenCvCamera:

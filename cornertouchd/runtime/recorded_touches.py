@@ -9,6 +9,7 @@ import numpy as np
 from cornertouchd.calibration.board_sights import BoardSight
 from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.gathering import ReferenceTouches, Taps, gather_touches
+from cornertouchd.calibration.same_camera import same_camera
 from cornertouchd.config import VisionSettings
 from cornertouchd.devices.recording import RecordedPoint, Recording
 
@@ -74,7 +75,7 @@ def _require_same_rig(empty: Recording, other: Recording) -> None:
 def _require_same_cameras(empty: Recording, other: Recording) -> None:
     for camera, identity in empty.identities.items():
         theirs = other.identities[camera]
-        if identity and theirs and identity != theirs:
+        if not same_camera(identity, theirs):
             raise CalibrationError(
                 f"{other.directory}: camera {camera} is another one ({theirs}) than in "
                 f"{empty.directory} ({identity}); record all parts with the same cameras"
