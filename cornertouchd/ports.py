@@ -1,5 +1,6 @@
 """What the daemon needs from the world, as protocols; `devices` and `simulation` fill them."""
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from cornertouchd.errors import ReportedError
@@ -50,6 +51,39 @@ class CameraPort(Protocol):
 
     def open(self) -> Camera:
         """Open the camera.  Raises `CameraError` when it is not there or refuses the format."""
+        ...
+
+
+class ResetError(ReportedError):
+    """A camera cannot be reset in this way; the text says why and what to do."""
+
+
+class CameraReset(Protocol):
+    """A way to make a camera begin anew.  Used by one thread, while the camera is closed."""
+
+    @property
+    def name(self) -> str:
+        """What is done, for the log."""
+        ...
+
+    def apply(self) -> None:
+        """Do it; may take seconds.  Raises `ResetError` if it is not possible."""
+        ...
+
+
+class CameraPlug(Protocol):
+    """Where a camera is plugged in.  Used by one thread."""
+
+    @property
+    def resets(self) -> Sequence[CameraReset]:
+        """The ways to reset it, the gentlest first."""
+        ...
+
+    def plugged_in(self) -> str:
+        """Return what tells this plugging-in from others; empty while no camera is there.
+
+        It is not opened for that, and the call is cheap enough for four a second.
+        """
         ...
 
 

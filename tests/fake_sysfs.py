@@ -75,9 +75,12 @@ class FakeSysfs:
         """Pull a camera out."""
         device = (self._usb / port).resolve()
         (self._usb / port).unlink()
-        for link in [*self._class.iterdir(), *(self.dev / "v4l" / "by-path").iterdir()]:
-            if device in link.resolve().parents or not link.exists():
-                link.unlink()
+        for node in device.glob("*/video4linux/*"):
+            (self._class / node.name).unlink()
+            (self.dev / node.name).unlink(missing_ok=True)
+            for name in (self.dev / "v4l" / "by-path").iterdir():
+                if name.readlink().name == node.name:
+                    name.unlink()
         device.rename(device.with_name(f"gone {self._device_number} {port}"))
 
     def add_platform_camera(self, node: int) -> None:

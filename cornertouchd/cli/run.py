@@ -11,6 +11,7 @@ from cornertouchd.config import Settings, find_settings, read_settings
 from cornertouchd.runtime.assembly import (
     find_calibration,
     find_display,
+    make_plugs,
     make_ports,
     make_tuio_sink,
 )
@@ -43,6 +44,7 @@ def run(config_file: Path | None) -> None:
             [make_tuio_sink(settings, calibration.surface_mm, config_name(path), display)],
             settings,
             clock,
+            make_plugs(settings),
         )
         _log.info(
             "running: %d cameras, TUIO to %s",

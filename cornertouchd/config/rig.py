@@ -145,6 +145,19 @@ class CamerasSettings(Table):
         le=3600.0,
         description="Longest wait between two attempts to open a lost camera.",
     )
+    failures_before_reset: int = Field(
+        3,
+        ge=1,
+        le=1000,
+        description="Attempts in vain to bring a lost camera back by opening it until it is reset "
+        "over USB. One that is not plugged in is never reset.",
+    )
+    resets_per_hour: int = Field(
+        6,
+        ge=0,
+        le=60,
+        description="Most resets of one camera within an hour. 0: it is never reset.",
+    )
     units: Mapping[str, CameraSettings] = Field(
         default_factory=dict,
         validate_default=True,

@@ -10,11 +10,12 @@ from cornertouchd.calibration.calibration import Calibration, CalibrationError
 from cornertouchd.calibration.display import DisplayPlace, load_display
 from cornertouchd.calibration.file import load_calibration
 from cornertouchd.config import CameraSettings, DestinationSettings, Settings
+from cornertouchd.devices.camera_plug import DevicePlug
 from cornertouchd.devices.opencv_camera import OpenCvCameraPort
 from cornertouchd.devices.udp import UdpTuioSink, local_address
 from cornertouchd.model import PictureFormat
 from cornertouchd.places import state_directory
-from cornertouchd.ports import CameraPort, Clock
+from cornertouchd.ports import CameraPlug, CameraPort, Clock
 from cornertouchd.runtime.simulated_rig import calibrated_rig
 from cornertouchd.simulation.camera import painted_ports
 from cornertouchd.simulation.painting import PaintingProcess
@@ -58,6 +59,18 @@ def make_ports(settings: Settings, clock: Clock) -> tuple[CameraPort, ...]:
         )
         for camera_id in cameras.enabled_ids
     )
+
+
+def make_plugs(settings: Settings) -> Mapping[str, CameraPlug]:
+    """Return where the cameras are plugged in.
+
+    Only of those that are read by V4L2: no other reader tells a camera that is in use by another
+    program from one that needs to be reset.
+    """
+    cameras = settings.cameras
+    if cameras.source != "v4l2":
+        return {}
+    return {camera: DevicePlug(cameras.units[camera].device) for camera in cameras.enabled_ids}
 
 
 def picture_format(settings: Settings, camera: CameraSettings) -> PictureFormat:

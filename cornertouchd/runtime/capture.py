@@ -1,7 +1,7 @@
 """One thread per camera: open it, read it, find the shadows, put them into the box; never give up.
 
-A camera that fails a set number of times in a row is taken out, closed and opened anew, with a
-growing delay between the attempts.
+A camera that fails a set number of times in a row is taken out, closed and opened anew when
+`recovery` says so.
 """
 
 import logging
@@ -14,8 +14,9 @@ from cornertouchd.config import CamerasSettings
 from cornertouchd.model import Frame, Observation
 from cornertouchd.pipeline import CameraPipeline, PictureError
 from cornertouchd.ports import Camera, CameraError, CameraPort
-from cornertouchd.runtime.faults import FaultLog
+from cornertouchd.runtime.faults import GOOD_TO_RECOVER, FaultLog
 from cornertouchd.runtime.latest import Latest
+from cornertouchd.runtime.recovery import Recovery, may_be_cured_by_reset
 from cornertouchd.vision.lighting import Lighting, lighting
 from cornertouchd.vision.strip_shift import StripShift
 
@@ -30,6 +31,12 @@ class CaptureCounts:
     faults: int
     opened: int
     live: bool
+    resets: int
+
+    @property
+    def reopened(self) -> int:
+        """How often it was opened anew."""
+        return max(0, self.opened - 1)
 
 
 class CaptureThread:
@@ -46,12 +53,15 @@ class CaptureThread:
         pipeline: CameraPipeline,
         box: Latest[Observation],
         settings: CamerasSettings,
+        recovery: Recovery,
     ) -> None:
         self._port = port
         self._calibration = calibration
         self._pipeline = pipeline
         self._box = box
         self._settings = settings
+        self._recovery = recovery
+        self._reset_may_help = False
         self._stop = threading.Event()
         self._faults = FaultLog(f"camera {port.id}")
         self._thread = threading.Thread(target=self._run, name=f"capture-{port.id}", daemon=True)
@@ -80,23 +90,28 @@ class CaptureThread:
 
     def counts(self) -> CaptureCounts:
         """Return what happened so far.  Any thread may ask."""
-        return CaptureCounts(self._frames, self._faults.count, self._opened, self._live)
+        return CaptureCounts(
+            self._frames, self._faults.count, self._opened, self._live, self._recovery.resets
+        )
 
     def _run(self) -> None:
-        delay_s = self._settings.reopen_delay_s
         while not self._stop.is_set():
             frames_before = self._frames
+            self._reset_may_help = False
             self._read_until_it_fails()
             self._live = False
-            if self._frames > frames_before:
-                delay_s = self._settings.reopen_delay_s
-            self._stop.wait(delay_s)
-            delay_s = min(2 * delay_s, self._settings.reopen_delay_max_s)
+            if not self._stop.is_set():
+                self._recovery.wait_to_reopen(
+                    worked=self._frames - frames_before >= GOOD_TO_RECOVER,
+                    reset_may_help=self._reset_may_help,
+                    wait=self._stop.wait,
+                )
 
     def _read_until_it_fails(self) -> None:
         try:
             camera = self._port.open()
         except CameraError as error:
+            self._reset_may_help = may_be_cured_by_reset(error)
             self._faults.fault("not opened", error.reason)
             return
         except Exception as error:  # noqa: BLE001  a driver may raise anything; the thread lives on
@@ -105,6 +120,7 @@ class CaptureThread:
         self._opened += 1
         try:
             if self._is_calibrated():
+                self._reset_may_help = True
                 self._read(camera)
         finally:
             self._close(camera)

@@ -3,6 +3,7 @@
 import gc
 import logging
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from cornertouchd.calibration.calibration import Calibration
 from cornertouchd.calibration.drift import Drift
@@ -11,21 +12,27 @@ from cornertouchd.fusion.dirt import Dirt
 from cornertouchd.fusion.pairing import FrameSetPairing
 from cornertouchd.model import Observation
 from cornertouchd.pipeline import CameraPipeline, SurfacePipeline
-from cornertouchd.ports import CameraPort, Clock, TouchSink
+from cornertouchd.ports import CameraPlug, CameraPort, Clock, TouchSink
 from cornertouchd.runtime.capture import CaptureCounts, CaptureThread
 from cornertouchd.runtime.fusing import FusionCounts, FusionThread
 from cornertouchd.runtime.latest import Latest
+from cornertouchd.runtime.recovery import Recovery
 from cornertouchd.vision.background import MaskedColumns
 from cornertouchd.vision.strip_shift import StripShift
 
 _log = logging.getLogger("cornertouchd")
+
+NO_PLUGS: Mapping[str, CameraPlug] = MappingProxyType({})
 
 STOP_S = 0.8
 """Time that all threads together get to end; a driver that blocks longer is left behind."""
 
 
 class Daemon:
-    """A rig at work.  Raises `CalibrationError` if a camera does not fit the calibration."""
+    """A rig at work.  Raises `CalibrationError` if a camera does not fit the calibration.
+
+    `plugs` are where cameras are plugged in, by name, as far as they can be looked at.
+    """
 
     def __init__(
         self,
@@ -34,6 +41,7 @@ class Daemon:
         sinks: Sequence[TouchSink],
         settings: Settings,
         clock: Clock,
+        plugs: Mapping[str, CameraPlug] = NO_PLUGS,
     ) -> None:
         box: Latest[Observation] = Latest()
         self._captures = []
@@ -45,7 +53,10 @@ class Daemon:
             for columns in pipeline.blind_columns:
                 _log.warning("camera %s: %s", port.id, columns)
             self._pipelines[port.id] = pipeline
-            self._captures.append(CaptureThread(port, camera, pipeline, box, settings.cameras))
+            recovery = Recovery(port.id, plugs.get(port.id), settings.cameras, clock)
+            self._captures.append(
+                CaptureThread(port, camera, pipeline, box, settings.cameras, recovery)
+            )
         self._fusion = FusionThread(
             box,
             FrameSetPairing([port.id for port in ports], settings.pairing),

@@ -17,7 +17,9 @@ from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.model import Frame, Observation, PictureFormat, Shadows
 from cornertouchd.ports import CameraError
 from cornertouchd.runtime.capture import CaptureThread
+from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.latest import Latest
+from cornertouchd.runtime.recovery import Recovery
 from cornertouchd.vision.background import MaskedColumns
 
 Step = str
@@ -121,7 +123,14 @@ def run() -> Iterator[object]:
     ) -> tuple[CaptureThread, FakePort, Latest[Observation]]:
         port, box = FakePort(script), Latest[Observation]()
         port.exchanged_at.update(exchanged_at)
-        thread = CaptureThread(port, CALIBRATED, StubPipeline(), box, FAST)
+        thread = CaptureThread(
+            port,
+            CALIBRATED,
+            StubPipeline(),
+            box,
+            FAST,
+            Recovery("C1", None, FAST, MonotonicClock()),
+        )
         thread.start()
         started.append((thread, port))
         assert port.done.wait(30)
