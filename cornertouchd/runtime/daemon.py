@@ -63,7 +63,7 @@ class Daemon:
             SurfacePipeline(calibration, settings),
             sinks,
             clock,
-            len(ports),
+            [port.id for port in ports],
             self._live_cameras,
         )
         self._clock = clock

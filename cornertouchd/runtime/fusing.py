@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 from cornertouchd.calibration.drift import Drift
 from cornertouchd.fusion.dirt import Dirt
-from cornertouchd.fusion.pairing import FrameSetPairing, is_worth_fusing
+from cornertouchd.fusion.pairing import FrameSetPairing, is_single_touch, is_worth_fusing
 from cornertouchd.model import Contact, FrameSet, Observation, Touch, TouchFrame
 from cornertouchd.pipeline import SurfacePipeline
 from cornertouchd.ports import Clock, TouchSink
+from cornertouchd.runtime.camera_roll import CameraRoll
 from cornertouchd.runtime.faults import FaultLog
 from cornertouchd.runtime.latest import Latest
 
@@ -23,6 +24,8 @@ person has moved on to the next gesture."""
 
 SKIPPED_IN_A_ROW = 50
 """Frame sets skipped one after the other until it is said: half a second at the usual rate."""
+
+CAMERAS_OF_A_SIDE = 2
 
 _log = logging.getLogger("cornertouchd")
 
@@ -54,7 +57,7 @@ class FusionThread:
         pipeline: SurfacePipeline,
         sinks: Sequence[TouchSink],
         clock: Clock,
-        camera_count: int,
+        cameras: Sequence[str],
         live_cameras: Callable[[], Sequence[str]],
     ) -> None:
         self._box = box
@@ -62,9 +65,10 @@ class FusionThread:
         self._pipeline = pipeline
         self._sinks = sinks
         self._clock = clock
-        self._camera_count = camera_count
+        self._camera_count = len(cameras)
         self._live_cameras = live_cameras
         self._cameras: Sequence[str] = ()
+        self._roll = CameraRoll(cameras)
         self._stop = threading.Event()
         self._faults = FaultLog("fusion")
         self._pictures = FaultLog("frame sets")
@@ -126,10 +130,7 @@ class FusionThread:
     def _step(self) -> None:
         observations = self._box.take(self._longest_wait_s())
         now_s = self._clock.now_s()
-        live = self._live_cameras()
-        if live != self._cameras:
-            self._cameras = live
-            self._pairing.set_live(live)
+        self._follow_cameras(now_s)
         frame_sets = [
             frame_set
             for observation in observations
@@ -145,6 +146,15 @@ class FusionThread:
             self._lift(now_s)
         for sink in self._sinks:
             sink.tick(now_s)
+
+    def _follow_cameras(self, now_s: float) -> None:
+        live = self._live_cameras()
+        if live != self._cameras:
+            self._cameras = live
+            self._pairing.set_live(live)
+        said = self._roll.note(live, now_s)
+        if said:
+            _log.warning("%s", said)
 
     def _longest_wait_s(self) -> float:
         """Return how long nothing is due: neither a tick nor an incomplete frame set."""
@@ -230,9 +240,12 @@ class FusionThread:
         """Tell whether a frame set is worth fusing.
 
         Not if it lacks what the box dropped: a whole one is on its way.  Not if so many cameras
-        are missing that shadows cross without a third view to refuse ghosts.
+        are missing that shadows cross without a third view to refuse ghosts; while just two are
+        left, a touch that is alone is believed.
         """
-        if not is_worth_fusing(frame_set, self._camera_count):
+        if not is_worth_fusing(frame_set, self._camera_count) and not (
+            len(self._cameras) == CAMERAS_OF_A_SIDE and is_single_touch(frame_set)
+        ):
             return False
         return not (behind and self._is_partial(frame_set))
 

@@ -10,7 +10,7 @@ from cornertouchd.calibration.drift import Drift
 from cornertouchd.config import PairingSettings
 from cornertouchd.fusion.dirt import Dirt
 from cornertouchd.fusion.pairing import FrameSetPairing
-from cornertouchd.model import Contact, FrameSet, Observation, Shadows, Touch, TouchFrame
+from cornertouchd.model import Contact, FrameSet, Observation, Shadow, Shadows, Touch, TouchFrame
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.fusing import FusionCounts, FusionThread
 from cornertouchd.runtime.latest import Latest
@@ -79,14 +79,15 @@ class Bench:
         self.box = Latest[Observation]()
         self.sink, self.surface = RecordingSink(), StubSurface()
         self.clock = MonotonicClock()
+        self.live = CAMERAS
         self.thread = FusionThread(
             self.box,
             FrameSetPairing(CAMERAS, PairingSettings()),
             self.surface,
             [self.sink],
             self.clock,
-            len(CAMERAS),
-            lambda: CAMERAS,
+            CAMERAS,
+            lambda: self.live,
         )
         self.thread.start()
 
@@ -99,10 +100,13 @@ class Bench:
             self.sink.wait_until(lambda sink, ticks=ticks: sink.ticks > ticks)
         raise AssertionError(self.thread.counts())
 
-    def see(self, captured_at_s: float, cameras: tuple[str, ...] = CAMERAS) -> None:
+    def see(
+        self, captured_at_s: float, cameras: tuple[str, ...] = CAMERAS, shadows: int = 0
+    ) -> None:
         """Put what the cameras saw at a time."""
+        seen = Shadows.of(Shadow(10.0 * k, 10.0 * k + 5.0, True, True, 0.9) for k in range(shadows))
         for camera in cameras:
-            self.box.put(camera, Observation(camera, 0, captured_at_s, Shadows.of(())))
+            self.box.put(camera, Observation(camera, 0, captured_at_s, seen))
 
 
 @pytest.fixture
@@ -140,6 +144,29 @@ def test_two_of_four_cameras_are_not_enough_to_refuse_ghosts(bench: Bench) -> No
     bench.see(1.1)
     bench.sink.wait_until(lambda sink: len(sink.frames) == 1)
     assert bench.sink.frames[0].captured_at_s == 1.1
+
+
+@pytest.mark.parametrize("shadows", [0, 1])
+def test_two_cameras_that_are_left_on_a_side_tell_a_touch_that_is_alone(
+    bench: Bench, shadows: int
+) -> None:
+    bench.live = ("C2", "C3")
+    bench.see(1.0, cameras=("C2", "C3"), shadows=shadows)
+    bench.sink.wait_until(lambda sink: len(sink.frames) == 1)
+
+
+@pytest.mark.parametrize(("left", "shadows"), [(("C2", "C3"), 2), (("C1", "C3"), 1)])
+def test_two_cameras_that_are_left_tell_nothing_else(
+    bench: Bench, left: tuple[str, ...], shadows: int
+) -> None:
+    bench.live = left
+    bench.see(1.0, cameras=left, shadows=shadows)
+    bench.wait_for_counts(lambda counts: counts.skipped == 1)
+
+
+def test_two_late_cameras_of_four_are_waited_for_rather_than_done_without(bench: Bench) -> None:
+    bench.see(1.0, cameras=("C1", "C2"), shadows=1)
+    bench.wait_for_counts(lambda counts: counts.skipped == 1)
 
 
 def test_silence_lifts_all_touches(bench: Bench) -> None:
