@@ -7,10 +7,14 @@ weight as their residuals grow (soft L1: rho(f) = 2 sqrt(1 + f**2) - 2), those t
 it do not (f**2).  The fit is a damped Gauss-Newton.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.cholesky import factorise, solve
+from cornertouchd.fusion.normal_equations import add_products, total
 from cornertouchd.fusion.rays import (
     ALONG_X,
     ALONG_Y,
@@ -30,6 +34,10 @@ from cornertouchd.model import FloatArray
 # grows for each millimetre along the shaft.
 X, Y, RADIUS, LEAN_X, LEAN_Y, PRESSED, TAPER = range(7)
 UNKNOWNS = 7
+# Rows of the table of residuals: how each of the seven terms changes each ray's, the residual
+# itself, what it costs, and what it counts for.
+OFF, RHO, PULL, PRECISION = range(7, 11)
+RESIDUAL_ROWS = 11
 # Where the capsule is then: the tip's centre, the unit axis, the radius and the taper.
 TIP_X, TIP_Y, TIP_Z, AXIS_X, AXIS_Y, AXIS_Z, OUTSIDE, WIDENING = range(8)
 # What fingers are like, from path-traced ones; x, y and the radius are the section's.
@@ -49,7 +57,33 @@ SETTLED_MM = 5e-2
 LEAST_DAMPING, DAMPING, MORE_DAMPING = 1e-6, 1e-3, 10.0
 
 
+class FitRoom(NamedTuple):
+    """Where a fit writes down what it tries."""
+
+    normal: FloatArray
+    slope: FloatArray
+    step: FloatArray
+    tried: FloatArray
+    tried_normal: FloatArray
+    tried_slope: FloatArray
+    pose: FloatArray
+
+
 @inlined
+def fit_room() -> FitRoom:
+    """Return room for one fit after the other."""
+    return FitRoom(
+        np.empty((UNKNOWNS, UNKNOWNS)),
+        np.empty(UNKNOWNS),
+        np.empty(UNKNOWNS),
+        np.empty(UNKNOWNS),
+        np.empty((UNKNOWNS, UNKNOWNS)),
+        np.empty(UNKNOWNS),
+        np.empty(8),
+    )
+
+
+@borrowing
 def fit_capsule(
     rays: FloatArray,
     count: int,
@@ -57,17 +91,17 @@ def fit_capsule(
     capsule: FloatArray,
     information: FloatArray,
     rows: FloatArray,
+    room: FitRoom,
 ) -> float:
     """Improve the seven terms of `capsule`; write the Cholesky factor of their information.
 
-    `expected` (7,) is what they are near to beforehand; `rows` (at least count, 8) is written as by
-    `total_cost`.  Returns the mean of rho over the rays.  Rays are turned up by `mirror_up`.
+    `expected` (7,) is what they are near to beforehand; `rows` (11, at least count) is written as
+    by `total_cost`.  Returns the mean of rho over the rays.  Rays are turned up by `mirror_up`.
     """
     mirror_up(rays, count, capsule[X], capsule[Y])
-    normal, slope, step = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS), np.empty(UNKNOWNS)
-    tried = capsule.copy()
-    cost = total_cost(rays, count, expected, capsule, normal, slope, rows)
-    tried_normal, tried_slope = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
+    normal, slope, step, pose = room.normal, room.slope, room.step, room.pose
+    tried, tried_normal, tried_slope = room.tried, room.tried_normal, room.tried_slope
+    cost = total_cost(rays, count, expected, capsule, pose, normal, slope, rows)
     damping = LEAST_DAMPING
     for _ in range(STEPS):
         for i in range(UNKNOWNS):
@@ -79,9 +113,9 @@ def fit_capsule(
         solve(information, step)
         for i in range(UNKNOWNS):
             tried[i] = capsule[i] + step[i]
-        tried_cost = total_cost(rays, count, expected, tried, tried_normal, tried_slope, rows)
+        tried_cost = total_cost(rays, count, expected, tried, pose, tried_normal, tried_slope, rows)
         if tried_cost <= cost:
-            capsule[:], normal[:], slope[:] = tried, tried_normal, tried_slope
+            _copy(tried, tried_normal, tried_slope, capsule, normal, slope)
             cost, damping = tried_cost, LEAST_DAMPING
         else:
             damping = max(damping, DAMPING) * MORE_DAMPING
@@ -90,51 +124,71 @@ def fit_capsule(
             largest = max(largest, abs(step[i]))
         if largest < SETTLED_MM:
             break
-    information[:] = normal
+    for i in range(UNKNOWNS):
+        for j in range(i + 1):
+            information[i, j] = normal[i, j]
     factorise(information)
     return cost / count
 
 
-@inlined
+@borrowing
+def _copy(
+    tried: FloatArray,
+    tried_normal: FloatArray,
+    tried_slope: FloatArray,
+    capsule: FloatArray,
+    normal: FloatArray,
+    slope: FloatArray,
+) -> None:
+    for i in range(UNKNOWNS):
+        capsule[i], slope[i] = tried[i], tried_slope[i]
+        for j in range(i + 1):
+            normal[i, j] = tried_normal[i, j]
+
+
+@borrowing
 def total_cost(
     rays: FloatArray,
     count: int,
     expected: FloatArray,
     capsule: FloatArray,
+    pose: FloatArray,
     normal: FloatArray,
     slope: FloatArray,
     rows: FloatArray,
 ) -> float:
     """Return the sum of rho over all rays and of the squares of the priors, both in sigmas.
 
-    Writes half the gradient, the lower triangle of the normal matrix, and into `rows` (count, 8)
-    how each term changes each ray's distance, and its residual in sigmas.
+    Writes the `pose` of the capsule, half the gradient, the lower triangle of the normal matrix,
+    and into `rows` (11, count) how each term changes each ray's distance, its residual in sigmas as
+    `OFF`, and what it counts for.
     """
     normal[:], slope[:] = 0.0, 0.0
-    cost, pose = 0.0, pose_of(capsule)
+    cost = 0.0
     for i in range(UNKNOWNS):
         normal[i, i] = prior_weight(i)
         off = capsule[i] - expected[i]
         slope[i] = normal[i, i] * off
         cost += slope[i] * off
-    for ray in range(count):
-        off = rays[ray, WEIGHT] * miss(rays, ray, pose, rows)
-        rows[ray, UNKNOWNS] = off
-        cost += 2.0 * np.sqrt(1.0 + off * off) - 2.0 if off > 0.0 else off * off
-    for ray in range(count):
-        weight, off = rays[ray, WEIGHT], rows[ray, UNKNOWNS]
-        believed = weight / np.sqrt(1.0 + off * off) if off > 0.0 else weight
-        pull = believed * off
-        believed *= weight
-        for i in range(UNKNOWNS):
-            slope[i] += pull * rows[ray, i]
-            weighted = believed * rows[ray, i]
-            for j in range(i + 1):
-                normal[i, j] += weighted * rows[ray, j]
+    write_pose(capsule, pose)
+    write_misses(rays, count, pose, rows)
+    for ray in range(count):  # without branches, so that several go at once
+        weight = rays[WEIGHT, ray]
+        off = weight * rows[OFF, ray]
+        outside = max(off, 0.0)
+        root = np.sqrt(1.0 + outside * outside)
+        believed = weight / root
+        rows[OFF, ray] = off
+        rows[RHO, ray] = 2.0 * root - 2.0 if off > 0.0 else off * off
+        rows[PULL, ray] = believed * off
+        rows[PRECISION, ray] = believed * weight
+    cost += total(rows[RHO], count)
+    # the costs are summed up
+    add_products(rows, count, rows[PRECISION], rows[PULL], rows[RHO], normal, slope)
     return cost
 
 
-@inlined
+@borrowing
 def prior_weight(term: int) -> float:
     """Return one over the variance with which a term is known beforehand."""
     if term <= Y:
@@ -146,58 +200,59 @@ def prior_weight(term: int) -> float:
     return float(PRESSED_SIGMA_MM**-2 if term == PRESSED else TAPER_SIGMA**-2)
 
 
-@inlined
-def pose_of(capsule: FloatArray) -> FloatArray:
-    """Return the tip's centre, the unit axis, the radius, and the taper."""
+@borrowing
+def write_pose(capsule: FloatArray, pose: FloatArray) -> None:
+    """Write the tip's centre, the unit axis, the radius, and the taper."""
     shrink = 1.0 / np.sqrt(1.0 + capsule[LEAN_X] ** 2 + capsule[LEAN_Y] ** 2)
-    pose = np.empty(8)
     pose[TIP_X], pose[TIP_Y] = capsule[X], capsule[Y]
     pose[TIP_Z] = capsule[RADIUS] - capsule[PRESSED]
     pose[AXIS_X], pose[AXIS_Y] = shrink * capsule[LEAN_X], shrink * capsule[LEAN_Y]
     pose[AXIS_Z] = shrink
     pose[OUTSIDE], pose[WIDENING] = capsule[RADIUS], capsule[TAPER]
-    return pose
 
 
-@inlined
+@borrowing
 def mirror_up(rays: FloatArray, count: int, x_mm: float, y_mm: float) -> None:
     """Turn rays that pass a place below the surface upside down: they see the mirror image.
 
     What they graze there, their own mirror image grazes of the finger itself.
     """
-    for ray in range(count):
-        if height_over(rays, ray, x_mm, y_mm) < 0.0:
-            rays[ray, EYE_Z], rays[ray, ALONG_Z] = -rays[ray, EYE_Z], -rays[ray, ALONG_Z]
-            rays[ray, SLOPE] = -rays[ray, SLOPE]
+    for ray in range(count):  # without branches, so that several go at once
+        up = -1.0 if height_over(rays, ray, x_mm, y_mm) < 0.0 else 1.0
+        rays[EYE_Z, ray] *= up
+        rays[ALONG_Z, ray] *= up
+        rays[SLOPE, ray] *= up
 
 
-@inlined
-def miss(rays: FloatArray, ray: int, pose: FloatArray, rows: FloatArray) -> float:
-    """Return by how much a ray passes outside the capsule, in mm; write how each term changes it.
+@borrowing
+def write_misses(rays: FloatArray, count: int, pose: FloatArray, rows: FloatArray) -> None:
+    """Write by how much rays pass outside the capsule, in mm, and how each term changes that.
 
     The nearest points of the ray and the axis move along these lines without changing the distance
     to first order, so it changes with the axis alone; only the taper asks where along the shaft.
     """
     axis_x, axis_y, axis_z = pose[AXIS_X], pose[AXIS_Y], pose[AXIS_Z]
-    dx, dy, dz = rays[ray, ALONG_X], rays[ray, ALONG_Y], rays[ray, ALONG_Z]
-    # from the tip's centre to the camera
-    wx, wy = rays[ray, EYE_X] - pose[TIP_X], rays[ray, EYE_Y] - pose[TIP_Y]
-    wz = rays[ray, EYE_Z] - pose[TIP_Z]
-    along = dx * axis_x + dy * axis_y + dz * axis_z
-    ahead = dx * wx + dy * wy + dz * wz
-    across = 1.0 / max(1.0 - along * along, PARALLEL)
-    shaft = max((wx * axis_x + wy * axis_y + wz * axis_z - along * ahead) * across, 0.0)
-    reach = shaft * along - ahead
-    vx, vy = shaft * axis_x - reach * dx - wx, shaft * axis_y - reach * dy - wy
-    vz = shaft * axis_z - reach * dz - wz
-    distance = np.sqrt(vx * vx + vy * vy + vz * vz)
-    nearer = 1.0 / max(distance, ON_AXIS_MM)
-    # by the tip's centre, and by the axis
-    tip_x, tip_y, tip_z = vx * nearer, vy * nearer, vz * nearer
-    turn_x, turn_y, turn_z = shaft * tip_x, shaft * tip_y, shaft * tip_z
-    widened = max(shaft - SHAFT_BEGINS_MM, 0.0)
-    if widened > 0.0:
-        slower = pose[WIDENING] * across
+    centre_x, centre_y, centre_z = pose[TIP_X], pose[TIP_Y], pose[TIP_Z]
+    radius, taper = pose[OUTSIDE], pose[WIDENING]
+    for ray in range(count):  # without branches, so that several go at once
+        dx, dy, dz = rays[ALONG_X, ray], rays[ALONG_Y, ray], rays[ALONG_Z, ray]
+        # from the tip's centre to the camera
+        wx, wy = rays[EYE_X, ray] - centre_x, rays[EYE_Y, ray] - centre_y
+        wz = rays[EYE_Z, ray] - centre_z
+        along = dx * axis_x + dy * axis_y + dz * axis_z
+        ahead = dx * wx + dy * wy + dz * wz
+        across = 1.0 / max(1.0 - along * along, PARALLEL)
+        shaft = max((wx * axis_x + wy * axis_y + wz * axis_z - along * ahead) * across, 0.0)
+        reach = shaft * along - ahead
+        vx, vy = shaft * axis_x - reach * dx - wx, shaft * axis_y - reach * dy - wy
+        vz = shaft * axis_z - reach * dz - wz
+        distance = np.sqrt(vx * vx + vy * vy + vz * vz)
+        nearer = 1.0 / max(distance, ON_AXIS_MM)
+        # by the tip's centre, and by the axis
+        tip_x, tip_y, tip_z = vx * nearer, vy * nearer, vz * nearer
+        turn_x, turn_y, turn_z = shaft * tip_x, shaft * tip_y, shaft * tip_z
+        widened = max(shaft - SHAFT_BEGINS_MM, 0.0)
+        slower = taper * across if widened > 0.0 else 0.0
         lever = 2.0 * along * shaft - ahead
         tip_x -= slower * (along * dx - axis_x)
         tip_y -= slower * (along * dy - axis_y)
@@ -205,24 +260,24 @@ def miss(rays: FloatArray, ray: int, pose: FloatArray, rows: FloatArray) -> floa
         turn_x -= slower * (wx + lever * dx)
         turn_y -= slower * (wy + lever * dy)
         turn_z -= slower * (wz + lever * dz)
-    turned = turn_x * axis_x + turn_y * axis_y + turn_z * axis_z
-    rows[ray, X], rows[ray, Y], rows[ray, RADIUS] = tip_x, tip_y, tip_z - 1.0
-    rows[ray, LEAN_X] = axis_z * (turn_x - axis_x * turned)
-    rows[ray, LEAN_Y] = axis_z * (turn_y - axis_y * turned)
-    rows[ray, PRESSED], rows[ray, TAPER] = -tip_z, -widened
-    return float(distance - pose[OUTSIDE] - pose[WIDENING] * widened)
+        turned = turn_x * axis_x + turn_y * axis_y + turn_z * axis_z
+        rows[X, ray], rows[Y, ray], rows[RADIUS, ray] = tip_x, tip_y, tip_z - 1.0
+        rows[LEAN_X, ray] = axis_z * (turn_x - axis_x * turned)
+        rows[LEAN_Y, ray] = axis_z * (turn_y - axis_y * turned)
+        rows[PRESSED, ray], rows[TAPER, ray] = -tip_z, -widened
+        rows[OFF, ray] = distance - radius - taper * widened
 
 
-@inlined
+@borrowing
 def worst_edge(rays: FloatArray, count: int, rows: FloatArray) -> int:
     """Return the number of the edge whose rays fit worst on average, by the `rows` of a fit."""
     worst, most, start = 0, -1.0, 0
     while start < count:
         end, off = start, 0.0
-        while end < count and rays[end, EDGE] == rays[start, EDGE]:
-            off += abs(rows[end, UNKNOWNS])
+        while end < count and rays[EDGE, end] == rays[EDGE, start]:
+            off += abs(rows[OFF, end])
             end += 1
         if off > most * (end - start):
-            worst, most = int(rays[start, EDGE]), off / (end - start)
+            worst, most = int(rays[EDGE, start]), off / (end - start)
         start = end
     return worst

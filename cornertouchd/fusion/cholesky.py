@@ -5,11 +5,11 @@ Only the lower triangle of a matrix is read and written.
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.model import FloatArray
 
 
-@inlined
+@borrowing
 def factorise(matrix: FloatArray) -> None:
     """Replace the lower triangle of a positive definite matrix by its Cholesky factor."""
     for i in range(len(matrix)):
@@ -20,7 +20,7 @@ def factorise(matrix: FloatArray) -> None:
             matrix[i, j] = np.sqrt(rest) if i == j else rest / matrix[j, j]
 
 
-@inlined
+@borrowing
 def solve(factor: FloatArray, values: FloatArray) -> None:
     """Replace the right-hand side by the solution."""
     for i in range(len(values)):
@@ -33,7 +33,7 @@ def solve(factor: FloatArray, values: FloatArray) -> None:
         values[i] /= factor[i, i]
 
 
-@inlined
+@borrowing
 def write_inverse_column(factor: FloatArray, place: int, column: FloatArray) -> None:
     """Write one column of the inverse of the factorised matrix."""
     column[:] = 0.0
@@ -41,7 +41,7 @@ def write_inverse_column(factor: FloatArray, place: int, column: FloatArray) -> 
     solve(factor, column)
 
 
-@inlined
+@borrowing
 def variance_of_term(factor: FloatArray, place: int, column: FloatArray) -> float:
     """Return one element of the diagonal of the inverse; `column` is room for one."""
     total = 0.0

@@ -7,8 +7,16 @@ of both.  That each is no farther out is all that it tells.
 import numpy as np
 
 from cornertouchd.compiling import inlined
-from cornertouchd.fusion.capsule_fit import OUTSIDE, TIP_X, TIP_Y, mirror_up, miss
-from cornertouchd.fusion.rays import EYE_X, EYE_Y, INTO_X, INTO_Y, RAY_COLUMNS, WEIGHT
+from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.fusion.capsule_fit import (
+    OFF,
+    OUTSIDE,
+    TIP_X,
+    TIP_Y,
+    mirror_up,
+    write_misses,
+)
+from cornertouchd.fusion.rays import EDGE, EYE_X, EYE_Y, INTO_X, INTO_Y, RAY_ROWS, WEIGHT
 from cornertouchd.model import FloatArray
 
 # A ray that passes a finger so near may be its edge: the outlines of path-traced fingers
@@ -21,30 +29,50 @@ WIDEST_REACH = 4.0
 
 
 @inlined
-def weaken_shared(rays: FloatArray, count: int, poses: FloatArray, contact: int) -> int:
+def weaken_shared(
+    rays: FloatArray,
+    count: int,
+    poses: FloatArray,
+    contact: int,
+    near: FloatArray,
+    rows: FloatArray,
+) -> int:
     """Take weight from a contact's rays that graze other contacts as well; count these rays.
 
-    `poses` (N, 8) are the capsules of all, as by `pose_of`, NaN where there is none.
+    `poses` (N, 8) are the capsules of all, as by `write_pose`, NaN where there is none.  `near` and
+    `rows` are room for as many rays and their misses.
     """
-    ray, row = np.empty((1, RAY_COLUMNS)), np.empty((1, 8))
+    is_shared = np.zeros(count, np.bool_)
+    for other in range(len(poses)):
+        if other == contact:
+            continue
+        few = _take_near(rays, count, poses[other], near)
+        mirror_up(near, few, poses[other, TIP_X], poses[other, TIP_Y])
+        write_misses(near, few, poses[other], rows)
+        for number in range(few):
+            if abs(rows[OFF, number]) < GRAZES_MM:
+                is_shared[int(near[EDGE, number])] = True
     shared = 0
-    for number in range(count):
-        for other in range(len(poses)):
-            if other == contact or not _may_graze(rays, number, poses[other]):
-                continue
-            for column in range(RAY_COLUMNS):
-                ray[0, column] = rays[number, column]
-            mirror_up(ray, 1, poses[other, TIP_X], poses[other, TIP_Y])
-            if abs(miss(ray, 0, poses[other], row)) < GRAZES_MM:
-                rays[number, WEIGHT] *= SHARED_WEIGHT
-                shared += 1
-                break
+    for ray in range(count):
+        if is_shared[ray]:
+            rays[WEIGHT, ray] *= SHARED_WEIGHT
+            shared += 1
     return shared
 
 
-@inlined
-def _may_graze(rays: FloatArray, ray: int, pose: FloatArray) -> bool:
-    """Whether a ray comes so near to a capsule that a closer look is worth while."""
-    dx, dy = pose[TIP_X] - rays[ray, EYE_X], pose[TIP_Y] - rays[ray, EYE_Y]
-    beside_mm = rays[ray, INTO_X] * dx + rays[ray, INTO_Y] * dy
-    return bool(abs(beside_mm) < WIDEST_REACH * pose[OUTSIDE])
+@borrowing
+def _take_near(rays: FloatArray, count: int, pose: FloatArray, near: FloatArray) -> int:
+    """Copy the rays that come so near to a capsule that a closer look is worth while; count them.
+
+    In place of their edge they have their number.
+    """
+    x_mm, y_mm, reach_mm = pose[TIP_X], pose[TIP_Y], WIDEST_REACH * pose[OUTSIDE]
+    few = 0
+    for ray in range(count):
+        dx, dy = x_mm - rays[EYE_X, ray], y_mm - rays[EYE_Y, ray]
+        if abs(rays[INTO_X, ray] * dx + rays[INTO_Y, ray] * dy) < reach_mm:
+            for row in range(RAY_ROWS):
+                near[row, few] = rays[row, ray]
+            near[EDGE, few] = ray
+            few += 1
+    return few

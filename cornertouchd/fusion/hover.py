@@ -6,7 +6,7 @@ and is dark.  One that hovers leaves a gap there, through which the strip shines
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.edge_rows import row_of_three
 from cornertouchd.fusion.rays import (
     BOTTOM,
@@ -46,19 +46,25 @@ MOST_AGREED = len(LESS_IF_AGREED)
 THINNEST_FINGER_MM, THIN_LIGHT = 3.0, 0.47
 
 
-@inlined
+@borrowing
 def gap_number(
-    views: Views, traces: Traces, x_mm: float, y_mm: float, radius_mm: float
+    views: Views,
+    traces: Traces,
+    x_mm: float,
+    y_mm: float,
+    radius_mm: float,
+    light: FloatArray,
 ) -> tuple[float, int]:
     """Return the light at the waist in units of the most that a touching finger lets through.
 
     It is the mean over the cameras that could tell, whose number is also returned; NaN if none.
+    `light` is room for that on all rows.
     """
     total, cameras = 0.0, 0
     for camera in range(len(views.eyes)):
-        light, pixels_per_mm = light_gap(views, traces, camera, x_mm, y_mm, radius_mm)
-        if np.isfinite(light):
-            total += light / light_of_touch(pixels_per_mm, radius_mm)
+        brightest, pixels_per_mm = light_gap(views, traces, camera, x_mm, y_mm, radius_mm, light)
+        if np.isfinite(brightest):
+            total += brightest / light_of_touch(pixels_per_mm, radius_mm)
             cameras += 1
     if cameras == 0:
         return np.nan, 0
@@ -68,7 +74,7 @@ def gap_number(
     return total / cameras / agreed, cameras
 
 
-@inlined
+@borrowing
 def light_of_touch(pixels_per_mm: float, radius_mm: float) -> float:
     """Return the light at the waist that 99 % of what touches stays below, seen by one camera."""
     if radius_mm < THINNEST_FINGER_MM:
@@ -76,9 +82,15 @@ def light_of_touch(pixels_per_mm: float, radius_mm: float) -> float:
     return SKIN_LIGHT + BLURRED_LIGHT / pixels_per_mm
 
 
-@inlined
+@borrowing
 def light_gap(
-    views: Views, traces: Traces, camera: int, x_mm: float, y_mm: float, radius_mm: float
+    views: Views,
+    traces: Traces,
+    camera: int,
+    x_mm: float,
+    y_mm: float,
+    radius_mm: float,
+    light: FloatArray,
 ) -> tuple[float, float]:
     """Return the share of light at the waist of a finger, and the pixels of a millimetre there.
 
@@ -103,7 +115,7 @@ def light_gap(
     half_px = max(WIDTH_SHARE * radius_mm * pixels_per_mm, LEAST_HALF_WIDTH_PX)
     if not _is_in_sight(views, camera, middle_px, half_px):
         return np.nan, pixels_per_mm
-    light = np.zeros(ROWS)
+    light[:] = 0.0
     for sample in range(SAMPLES):
         column_px = middle_px + half_px * (2.0 * sample / (SAMPLES - 1) - 1.0)
         below, share = column_at(first_column, camera, column_px)
@@ -122,7 +134,7 @@ def light_gap(
     return brightest / SAMPLES, pixels_per_mm
 
 
-@inlined
+@borrowing
 def column_towards(views: Views, camera: int, dx: float, dy: float) -> float:
     """Return the column on the horizon that looks along (dx, dy), NaN if none does.
 
@@ -151,13 +163,13 @@ def column_towards(views: Views, camera: int, dx: float, dy: float) -> float:
     return float(low + turned_low / (turned_low - turned_high))
 
 
-@inlined
+@borrowing
 def _turned(views: Views, place: int, dx: float, dy: float) -> float:
     """Return how far (dx, dy) lies beside a column's direction, positive on one side of it."""
     return float(views.directions[place, 0] * dy - views.directions[place, 1] * dx)
 
 
-@inlined
+@borrowing
 def _is_in_sight(views: Views, camera: int, middle_px: float, half_px: float) -> bool:
     """Whether the strip is seen in these columns and beside them."""
     first, last = middle_px - half_px - NOTCH_PX, middle_px + half_px + NOTCH_PX
@@ -170,7 +182,7 @@ def _is_in_sight(views: Views, camera: int, middle_px: float, half_px: float) ->
     return True
 
 
-@inlined
+@borrowing
 def _add_light(
     traces: Traces, camera: int, column: int, first_px: float, light: FloatArray
 ) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import row_of_three
 from cornertouchd.geometry import unit_vectors
@@ -31,11 +31,12 @@ NEAREST_MM = 1.0
 
 # Columns of what is known of a camera's columns.
 HORIZON, ROWS_PER_SLOPE, SHEAR, BOTTOM, VISIBLE = range(5)
-# Columns of rays: where they begin, their unit direction, the unit normal (level) that points into
-# the shadow, by how much they rise for each millimetre along the surface, one over their
-# standard deviation at the contact, and the number of their edge.
+# Rows of a table of rays: where they begin, their unit direction, the unit normal (level) that
+# points into the shadow, by how much they rise for each millimetre along the surface, one over
+# their standard deviation at the contact, and the number of their edge.  A processor takes the same
+# of several rays at once.
 EYE_X, EYE_Y, EYE_Z, ALONG_X, ALONG_Y, ALONG_Z, INTO_X, INTO_Y, SLOPE, WEIGHT, EDGE = range(11)
-RAY_COLUMNS = 11
+RAY_ROWS = 11
 
 
 class SeesHeights(Protocol):
@@ -138,7 +139,7 @@ def _stacked(edges: Sequence[FloatArray]) -> FloatArray:
     )
 
 
-@inlined
+@borrowing
 def write_rays(
     views: Views,
     traces: Traces,
@@ -152,14 +153,14 @@ def write_rays(
     """Write the rays of the edges that a contact owns; count them, the edges, and the cameras.
 
     `owned` (N, C, 2) is the number of the camera's outline whose left and right edge are the
-    contact's, -1 for none; `rays` has room for all levels of 2 C edges.
+    contact's, -1 for none; `rays` (`RAY_ROWS`, room) has room for all levels of 2 C edges.
     """
     eyes, first_column, by_column, directions = views
     columns_px, rows_px = traces.columns_px, traces.rows_px
     count = edges = cameras = 0
     for camera in range(len(eyes)):
-        away_mm = np.hypot(x_mm - eyes[camera, 0], y_mm - eyes[camera, 1])
-        if not away_mm > radius_mm + NEAREST_MM:
+        away_x, away_y = x_mm - eyes[camera, 0], y_mm - eyes[camera, 1]
+        if not away_x * away_x + away_y * away_y > (radius_mm + NEAREST_MM) ** 2:
             continue
         before_camera = edges
         outlines = traces.first_outline[camera + 1] - traces.first_outline[camera]
@@ -170,7 +171,7 @@ def write_rays(
             outline = traces.first_outline[camera] + number
             before_edge = count
             for level in range(columns_px.shape[2]):
-                count += _write_ray(
+                count += _write_sight(
                     eyes,
                     first_column,
                     by_column,
@@ -179,32 +180,33 @@ def write_rays(
                     edge,
                     columns_px[outline, edge, level],
                     rows_px[outline, edge, level],
-                    x_mm,
-                    y_mm,
+                    away_x,
+                    away_y,
                     rays,
                     count,
                 )
             if count - before_edge < FEWEST_RAYS_OF_AN_EDGE:
                 count = before_edge
                 continue
-            rays[before_edge:count, EDGE] = edges
+            rays[EDGE, before_edge:count] = edges
             edges += 1
         cameras += edges > before_camera
+    _direct(rays, count, x_mm, y_mm)
     return count, edges, cameras
 
 
-@inlined
+@borrowing
 def without_edge(rays: FloatArray, count: int, edge: int) -> int:
     """Take the rays of an edge out of the first `count`; return how many are left."""
     kept = 0
     for ray in range(count):
-        if rays[ray, EDGE] != edge:
-            rays[kept] = rays[ray]
+        if rays[EDGE, ray] != edge:
+            _move(rays, ray, kept)
             kept += 1
     return kept
 
 
-@inlined
+@borrowing
 def without_outer(rays: FloatArray, count: int, off: FloatArray) -> int:
     """Take the rays that pass far outside out of the first `count`; return how many are left.
 
@@ -213,28 +215,35 @@ def without_outer(rays: FloatArray, count: int, off: FloatArray) -> int:
     """
     widened, latest = 0, -1.0
     for ray in range(count):
-        if off[ray] >= FARTHEST_OUTSIDE and rays[ray, EDGE] != latest:
-            widened, latest = widened + 1, rays[ray, EDGE]
+        if off[ray] >= FARTHEST_OUTSIDE and rays[EDGE, ray] != latest:
+            widened, latest = widened + 1, rays[EDGE, ray]
     if widened > MOST_WIDENED:
         return count
     kept = 0
     for ray in range(count):
         if off[ray] < FARTHEST_OUTSIDE:
-            rays[kept] = rays[ray]
+            _move(rays, ray, kept)
             kept += 1
     return kept
 
 
-@inlined
+@borrowing
 def every_second(rays: FloatArray, count: int) -> int:
     """Leave every second one of the first `count` rays out; return how many are left."""
-    for kept in range(1, (count + 1) // 2):
-        rays[kept] = rays[2 * kept]
+    for row in range(RAY_ROWS):
+        for kept in range(1, (count + 1) // 2):
+            rays[row, kept] = rays[row, 2 * kept]
     return (count + 1) // 2
 
 
-@inlined
-def _write_ray(
+@borrowing
+def _move(rays: FloatArray, ray: int, place: int) -> None:
+    for row in range(RAY_ROWS):
+        rays[row, place] = rays[row, ray]
+
+
+@borrowing
+def _write_sight(
     eyes: FloatArray,
     first_column: IntArray,
     by_column: FloatArray,
@@ -243,12 +252,16 @@ def _write_ray(
     edge: int,
     column_px: float,
     row_px: float,
-    x_mm: float,
-    y_mm: float,
+    away_x: float,
+    away_y: float,
     rays: FloatArray,
     place: int,
 ) -> int:
-    """Write the ray of one place of an edge; return 1, or 0 if it tells nothing."""
+    """Write what the camera's tables say of one place of an edge; return 1, or 0 if it is nothing.
+
+    The eye, the slope, the level unit direction in place of the unit direction, and in place of the
+    weight how far it turns for each column into the shadow.
+    """
     width_px = first_column[camera + 1] - first_column[camera]
     if not 0.0 <= column_px <= width_px:
         return 0
@@ -260,33 +273,42 @@ def _write_ray(
     if not (between(by_column, below, share, VISIBLE) == 1.0 and 0.0 <= level_px <= width_px):
         return 0
     cos, sin, angle_per_px = direction_at(first_column, directions, camera, level_px)
-    eye_x, eye_y, eye_z = row_of_three(eyes, camera)
-    along_mm = (x_mm - eye_x) * cos + (y_mm - eye_y) * sin
+    along_mm = away_x * cos + away_y * sin
     if not (along_mm > NEAREST_MM and np.isfinite(slope) and np.abs(angle_per_px) > 0.0):
         return 0  # it looks elsewhere, or nobody knows where
-    # the left edge has the first angle, but for a camera that hangs upside down
-    side = np.copysign(1.0, angle_per_px) * (1.0 if edge == 0 else -1.0)
-    shrink = 1.0 / np.sqrt(1.0 + slope * slope)
-    trace_mm = TRACE_SIGMA_PX * angle_per_px * along_mm
-    rays[place, EYE_X], rays[place, EYE_Y], rays[place, EYE_Z] = eye_x, eye_y, eye_z
-    rays[place, ALONG_X], rays[place, ALONG_Y] = cos * shrink, sin * shrink
-    rays[place, ALONG_Z] = slope * shrink
-    rays[place, INTO_X], rays[place, INTO_Y] = -side * sin, side * cos
-    rays[place, SLOPE] = slope
-    rays[place, WEIGHT] = 1.0 / np.sqrt(OUTLINE_SIGMA_MM**2 + trace_mm * trace_mm)
+    rays[EYE_X, place], rays[EYE_Y, place], rays[EYE_Z, place] = row_of_three(eyes, camera)
+    rays[ALONG_X, place], rays[ALONG_Y, place], rays[SLOPE, place] = cos, sin, slope
+    rays[WEIGHT, place] = angle_per_px if edge == 0 else -angle_per_px
     return 1
 
 
-@inlined
+@borrowing
+def _direct(rays: FloatArray, count: int, x_mm: float, y_mm: float) -> None:
+    """Turn what `_write_sight` wrote into rays."""
+    for ray in range(count):  # without branches, so that several go at once
+        cos, sin, slope = rays[ALONG_X, ray], rays[ALONG_Y, ray], rays[SLOPE, ray]
+        turn_per_px = rays[WEIGHT, ray]
+        # the left edge has the first angle, but for a camera that hangs upside down
+        side = 1.0 if turn_per_px > 0.0 else -1.0
+        shrink = 1.0 / np.sqrt(1.0 + slope * slope)
+        along_mm = (x_mm - rays[EYE_X, ray]) * cos + (y_mm - rays[EYE_Y, ray]) * sin
+        trace_mm = TRACE_SIGMA_PX * turn_per_px * along_mm
+        rays[ALONG_X, ray], rays[ALONG_Y, ray] = cos * shrink, sin * shrink
+        rays[ALONG_Z, ray] = slope * shrink
+        rays[INTO_X, ray], rays[INTO_Y, ray] = -side * sin, side * cos
+        rays[WEIGHT, ray] = 1.0 / np.sqrt(OUTLINE_SIGMA_MM**2 + trace_mm * trace_mm)
+
+
+@borrowing
 def height_over(rays: FloatArray, ray: int, x_mm: float, y_mm: float) -> float:
     """Return how high above the surface a ray passes a place; negative in the mirror image."""
-    dx, dy = x_mm - rays[ray, EYE_X], y_mm - rays[ray, EYE_Y]
+    dx, dy = x_mm - rays[EYE_X, ray], y_mm - rays[EYE_Y, ray]
     # along the surface it runs at right angles to the normal
-    along_mm = np.abs(rays[ray, INTO_X] * dy - rays[ray, INTO_Y] * dx)
-    return float(rays[ray, EYE_Z] + rays[ray, SLOPE] * along_mm)
+    along_mm = np.abs(rays[INTO_X, ray] * dy - rays[INTO_Y, ray] * dx)
+    return float(rays[EYE_Z, ray] + rays[SLOPE, ray] * along_mm)
 
 
-@inlined
+@borrowing
 def column_at(first_column: IntArray, camera: int, column_px: float) -> tuple[int, float]:
     """Return the number of a column within the picture, and how far beyond its centre."""
     first, last = first_column[camera], first_column[camera + 1] - 1
@@ -294,14 +316,14 @@ def column_at(first_column: IntArray, camera: int, column_px: float) -> tuple[in
     return below, min(max(column_px - 0.5 - (below - first), 0.0), 1.0)
 
 
-@inlined
+@borrowing
 def between(by_column: FloatArray, below: int, share: float, which: int) -> float:
     """Return what is known between the centres of a column and the next one."""
     low = by_column[below, which]
     return float(low + share * (by_column[below + 1, which] - low))
 
 
-@inlined
+@borrowing
 def direction_at(
     first_column: IntArray, directions: FloatArray, camera: int, column_px: float
 ) -> tuple[float, float, float]:

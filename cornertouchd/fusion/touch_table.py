@@ -6,30 +6,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cornertouchd.compiling import compiled, inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.capsule_fit import (
     LEAN_X,
     LEAN_Y,
+    OFF,
     PRESSED,
     PRESSED_MM,
     PRESSED_SIGMA_MM,
     RADIUS,
+    RESIDUAL_ROWS,
     TAPER,
     TAPER_MEAN,
     TAPER_SIGMA,
     UNKNOWNS,
+    FitRoom,
     X,
     Y,
     fit_capsule,
-    pose_of,
+    fit_room,
     worst_edge,
+    write_pose,
 )
 from cornertouchd.fusion.cholesky import write_inverse_column
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import row_of_three
 from cornertouchd.fusion.grazing import weaken_shared
-from cornertouchd.fusion.hover import gap_number
+from cornertouchd.fusion.hover import ROWS, gap_number
 from cornertouchd.fusion.rays import (
-    RAY_COLUMNS,
+    RAY_ROWS,
     Traces,
     Views,
     every_second,
@@ -78,15 +83,38 @@ class Room(NamedTuple):
     """Where the rays of one contact and its fits are written."""
 
     rays: FloatArray
+    near: FloatArray
+    rows: FloatArray
     touch: FloatArray
     touch_information: FloatArray
+    moments: FloatArray
     capsule: FloatArray
     capsule_information: FloatArray
-    rows: FloatArray
-    poses: FloatArray
+    expected: FloatArray
+    fit: FitRoom
+    column: FloatArray
+    light: FloatArray
 
 
 @inlined
+def _room_for(most_rays: int) -> Room:
+    return Room(
+        np.empty((RAY_ROWS, most_rays)),
+        np.empty((RAY_ROWS, most_rays)),
+        np.empty((RESIDUAL_ROWS, most_rays)),
+        np.empty(6),
+        np.empty((6, 6)),
+        np.empty(6),
+        np.empty(UNKNOWNS),
+        np.empty((UNKNOWNS, UNKNOWNS)),
+        np.empty(UNKNOWNS),
+        fit_room(),
+        np.empty(UNKNOWNS),
+        np.empty(ROWS),
+    )
+
+
+@borrowing
 def _write_section(
     points: FloatArray,
     contact: int,
@@ -106,35 +134,28 @@ def _write_section(
     points[contact, METHOD] = SECTION
 
 
-@inlined
-def _fit(
-    views: Views, traces: Traces, owned: IntArray, contact: int, points: FloatArray, room: Room
-) -> int:
-    """Improve the section by the edges that it owns, as far as they tell; return their number.
-
-    Rays that graze the capsules in `room.poses` of other contacts as well tell less.
-    """
+@borrowing
+def _fit(points: FloatArray, contact: int, room: Room, count: int, edges: int, cameras: int) -> int:
+    """Improve the section by its rays, as far as they tell; return the number of their edges."""
     x, y = points[contact, AT_X], points[contact, AT_Y]
     radius = points[contact, AT_RADIUS]
-    if not radius < LARGEST_RADIUS_MM:
+    if cameras < 2 or edges < FEWEST_EDGES or not radius < LARGEST_RADIUS_MM:
         return 0  # palms have no tip
-    count, edges, cameras = write_rays(views, traces, owned, contact, x, y, radius, room.rays)
-    if cameras < 2 or edges < FEWEST_EDGES:
-        return 0
-    weaken_shared(room.rays, count, room.poses, contact)
     touch, information = room.touch, room.touch_information
-    used, misfit = fit_touch(room.rays, count, x, y, radius, touch, information)
+    used, misfit = fit_touch(
+        room.rays, count, x, y, radius, room.rows, touch, information, room.moments
+    )
     if used < FEWEST_RAYS:
         return 0
     variance_mm2 = points[contact, XX]
     doubt = RAYS_IN_ONE * max(misfit, 1.0) * (UNCHECKED if edges <= FEWEST_CHECKED else 1.0)
     if _is_near(touch[0] - x, touch[1] - y, variance_mm2):
-        _write_fit(points, contact, SHAPE_FREE, touch, information, 2, doubt)
+        _write_fit(points, contact, SHAPE_FREE, touch, information, 2, doubt, room.column[:6])
     if edges >= MANY_EDGES:
         count = every_second(room.rays, count)
     cost = _fit_capsule(room, count, x, y, radius)
     if not cost < SMOOTH_COST and edges <= FEWEST_CHECKED:
-        kept = without_outer(room.rays, count, room.rows[:, UNKNOWNS])
+        kept = without_outer(room.rays, count, room.rows[OFF])
         if FEWEST_RAYS <= kept < count:  # they graze what stands before or behind it
             count = kept
             cost = _fit_capsule(room, count, x, y, radius)
@@ -146,39 +167,31 @@ def _fit(
         information, doubt = room.capsule_information, RAYS_IN_ONE * max(cost, 1.0)
         if edges == FEWEST_EDGES:
             doubt *= UNCHECKED
-        _write_fit(points, contact, CAPSULE, room.capsule, information, LEAN_X, doubt)
+        _write_fit(points, contact, CAPSULE, room.capsule, information, LEAN_X, doubt, room.column)
     return edges
 
 
-@inlined
-def _shares_rays(
-    views: Views, traces: Traces, owned: IntArray, contact: int, disc: FloatArray, room: Room
-) -> bool:
-    """Whether rays of a contact graze the capsules of others as well."""
-    x, y, radius = disc[0], disc[1], disc[2]
-    count, _, _ = write_rays(views, traces, owned, contact, x, y, radius, room.rays)
-    return bool(weaken_shared(room.rays, count, room.poses, contact) > 0)
-
-
-@inlined
+@borrowing
 def _is_near(dx_mm: float, dy_mm: float, variance_mm2: float) -> bool:
     return bool(dx_mm * dx_mm + dy_mm * dy_mm < FARTHEST_SIGMAS**2 * variance_mm2)
 
 
-@inlined
+@borrowing
 def _fit_capsule(room: Room, count: int, x_mm: float, y_mm: float, radius_mm: float) -> float:
     """Fit one, beginning where the touch was found; return what its rays cost on average."""
-    capsule, expected = room.capsule, np.empty(UNKNOWNS)
+    capsule, expected = room.capsule, room.expected
     expected[X], expected[Y], expected[RADIUS] = x_mm, y_mm, radius_mm
     expected[LEAN_X] = expected[LEAN_Y] = 0.0
     expected[PRESSED], expected[TAPER] = PRESSED_MM, TAPER_MEAN
-    capsule[:] = expected
+    capsule[RADIUS], capsule[PRESSED], capsule[TAPER] = radius_mm, PRESSED_MM, TAPER_MEAN
     capsule[X], capsule[Y] = room.touch[0], room.touch[1]
     capsule[LEAN_X], capsule[LEAN_Y] = room.touch[2], room.touch[3]
-    return fit_capsule(room.rays, count, expected, capsule, room.capsule_information, room.rows)
+    return fit_capsule(
+        room.rays, count, expected, capsule, room.capsule_information, room.rows, room.fit
+    )
 
 
-@inlined
+@borrowing
 def _is_finger(capsule: FloatArray, x_mm: float, y_mm: float, variance_mm2: float) -> bool:
     """Whether a capsule is as fingers are: not flat as a disc or thin as a pen, nor in the air."""
     return bool(
@@ -189,7 +202,7 @@ def _is_finger(capsule: FloatArray, x_mm: float, y_mm: float, variance_mm2: floa
     )
 
 
-@inlined
+@borrowing
 def _write_fit(
     points: FloatArray,
     contact: int,
@@ -198,12 +211,12 @@ def _write_fit(
     factor: FloatArray,
     lean: int,
     doubt: float,
+    column: FloatArray,
 ) -> None:
     """Write a touch, its lean (from term number `lean` on) and their covariances times `doubt`.
 
-    Nothing is written if what is there tells as much.
+    Nothing is written if what is there tells as much.  `column` is room for as many terms.
     """
-    column = np.empty(len(terms))
     write_inverse_column(factor, 0, column)
     xx, xy = doubt * column[0] + CALIBRATION_SIGMA_MM**2, doubt * column[1]
     write_inverse_column(factor, 1, column)
@@ -221,7 +234,7 @@ def _write_fit(
     _write_lean(points, contact, terms[lean], terms[lean + 1], lean_xx, lean_xy, lean_yy)
 
 
-@inlined
+@borrowing
 def _write_lean(
     points: FloatArray, contact: int, x: float, y: float, xx: float, xy: float, yy: float
 ) -> None:
@@ -259,37 +272,38 @@ def touch_points(
 ) -> FloatArray:
     """Return the table of N touch points, (N, 13), with the columns `AT_X` .. `GAP_CAMERAS`.
 
+    Those with few edges are looked at twice: rays that graze the capsules of others tell less.
+
     The arguments are those of `Views`, `Traces` and `TouchPointFinder.find`.
     """
     views = Views(eyes, first_column, by_column, directions)
     traces = Traces(first_outline, columns_px, rows_px, light, light_shape, light_at, light_row_px)
-    room = Room(
-        np.empty((2 * len(eyes) * columns_px.shape[2], RAY_COLUMNS)),
-        np.empty(6),
-        np.empty((6, 6)),
-        np.empty(UNKNOWNS),
-        np.empty((UNKNOWNS, UNKNOWNS)),
-        np.empty((2 * len(eyes) * columns_px.shape[2], UNKNOWNS + 1)),
-        np.full((len(discs), 8), np.nan),
-    )
-    points, poses = np.empty((len(discs), COLUMNS)), room.poses.copy()
+    room = _room_for(2 * len(eyes) * columns_px.shape[2])
+    points, poses = np.empty((len(discs), COLUMNS)), np.full((len(discs), 8), np.nan)
     edges = np.full(len(discs), FEWEST_EDGES)
+    camera_mm = float(np.mean(eyes[:, 2]))
     for again in range(2 if len(discs) > 1 else 1):
         for contact in range(len(discs)):
             if edges[contact] < FEWEST_EDGES or edges[contact] > MANY_EDGES:
                 continue  # it would change nothing, or hardly anything
-            if again and not _shares_rays(views, traces, owned, contact, discs[contact], room):
-                continue
             x, y, radius = row_of_three(discs, contact)
-            camera_mm = float(np.mean(eyes[:, 2]))
+            count, seen, cameras = write_rays(
+                views, traces, owned, contact, x, y, radius, room.rays
+            )
+            if again and not weaken_shared(room.rays, count, poses, contact, room.near, room.rows):
+                continue
             _write_section(points, contact, x, y, radius, sigma_mm[contact], camera_mm)
-            edges[contact] = _fit(views, traces, owned, contact, points, room)
+            edges[contact] = _fit(points, contact, room, count, seen, cameras)
             if again == 0 and points[contact, METHOD] == CAPSULE:
-                poses[contact] = pose_of(room.capsule)
-        room.poses[:] = poses
+                write_pose(room.capsule, poses[contact])
     for contact in range(len(discs)):
         gap, cameras = gap_number(
-            views, traces, points[contact, AT_X], points[contact, AT_Y], points[contact, AT_RADIUS]
+            views,
+            traces,
+            points[contact, AT_X],
+            points[contact, AT_Y],
+            points[contact, AT_RADIUS],
+            room.light,
         )
         points[contact, GAP], points[contact, GAP_CAMERAS] = gap, cameras
     return points

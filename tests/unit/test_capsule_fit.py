@@ -19,10 +19,10 @@ EDGES = ((0, 0), (1, 1), (2, 0), (3, 1))
 
 def miss(ray: FloatArray, capsule: FloatArray) -> tuple[float, FloatArray]:
     """Return the product's residual in mm, and its derivatives."""
-    rows = np.zeros((1, 8))
-    pose = capsule_fit.pose_of.py_func(capsule)  # type: ignore[attr-defined]
-    off = capsule_fit.miss.py_func(ray[None], 0, pose, rows)  # type: ignore[attr-defined]
-    return float(off), rows[0, :7]
+    rows, pose = np.zeros((capsule_fit.RESIDUAL_ROWS, 1)), np.empty(8)
+    capsule_fit.write_pose.py_func(capsule, pose)  # type: ignore[attr-defined]
+    capsule_fit.write_misses.py_func(ray[:, None], 1, pose, rows)  # type: ignore[attr-defined]
+    return float(rows[capsule_fit.OFF, 0]), rows[:7, 0]
 
 
 def distances_mm(eyes: FloatArray, along: FloatArray, capsule: FloatArray) -> FloatArray:
@@ -55,7 +55,7 @@ def test_residuals_and_derivatives_are_right(
     aim = capsule[:2] + aside_mm * np.array([-towards[1], towards[0]]) - eye[:2]
     along = np.array([*aim / np.linalg.norm(aim), slope])
     along /= np.linalg.norm(along)
-    ray = np.zeros(rays.RAY_COLUMNS)
+    ray = np.zeros(rays.RAY_ROWS)
     ray[rays.EYE_X : rays.EYE_Z + 1], ray[rays.ALONG_X : rays.ALONG_Z + 1] = eye, along
     off, derivatives = miss(ray, capsule)
     here = distances_mm(eye, along, capsule)
