@@ -187,15 +187,15 @@ def _add_light(
     traces: Traces, camera: int, column: int, first_px: float, light: FloatArray
 ) -> None:
     """Add the light of a column at rows from `first_px` on, NaN where it was not kept."""
-    kept, columns = traces.light_at[column], traces.light_shape[camera, 2]
-    last = traces.light_shape[camera, 1] - 1
-    values, start = traces.light, traces.light_shape[camera, 0] + kept
+    kept, rows = traces.light_at[column], traces.light_rows[camera]
+    first = traces.first_light[camera] + kept * rows
+    is_kept = kept >= 0 and first + rows <= traces.first_light[camera + 1]
     row = first_px - 0.5 - traces.light_row_px[column]
     for step in range(ROWS):
-        if kept < 0 or kept >= columns or not 0.0 <= row < last:
-            light[step] = np.nan
-        else:
-            above = start + int(row) * columns
+        if is_kept and 0.0 <= row < rows - 1:
+            above = first + int(row)
             share = row - int(row)
-            light[step] += (1.0 - share) * values[above] + share * values[above + columns]
+            light[step] += (1.0 - share) * traces.light[above] + share * traces.light[above + 1]
+        else:
+            light[step] = np.nan
         row += ROW_STEP_PX

@@ -81,15 +81,17 @@ class Traces(NamedTuple):
     """The outlines of C cameras one after the other.
 
     Camera c owns those from `first_outline[c]` up to `first_outline[c + 1]` of `columns_px` and
-    `rows_px` (K, 2, L).  Its light is in `light` from `light_shape[c, 0]` on, `light_shape[c, 1]`
-    rows of `light_shape[c, 2]`; `light_at` and `light_row_px` (W,) are by column, as in `Views`.
+    `rows_px` (K, 2, L).  Its light is in `light` from `first_light[c]` up to `first_light[c + 1]`,
+    column after column of `light_rows[c]` rows; `light_at` and `light_row_px` (W,) are by column of
+    the picture, as in `Views`.
     """
 
     first_outline: IntArray
     columns_px: FloatArray
     rows_px: FloatArray
     light: NDArray[np.float32]
-    light_shape: IntArray
+    first_light: IntArray
+    light_rows: IntArray
     light_at: NDArray[np.int32]
     light_row_px: NDArray[np.int32]
 
@@ -113,14 +115,17 @@ def views_of(cameras: Sequence[SeesHeights]) -> Views:
 
 def traces_of(outlines: Sequence[Outlines]) -> Traces:
     """Put the outlines of at least one camera one after the other."""
-    sizes = [one.light.shape for one in outlines]
-    starts = np.cumsum([0, *(rows * columns for rows, columns in sizes[:-1])])
+    first_outline, first_light = [0], [0]
+    for one in outlines:
+        first_outline.append(first_outline[-1] + len(one.columns_px))
+        first_light.append(first_light[-1] + one.light.size)
     return Traces(
-        np.cumsum([0, *(len(one.columns_px) for one in outlines)], dtype=np.intp),
+        np.array(first_outline, np.intp),
         _stacked([one.columns_px for one in outlines]),
         _stacked([one.rows_px for one in outlines]),
-        np.concatenate([one.light.ravel() for one in outlines]),
-        np.column_stack([starts, np.array(sizes, np.intp)]),
+        np.concatenate([one.light.ravel("F") for one in outlines]),
+        np.array(first_light, np.intp),
+        np.array([len(one.light) for one in outlines], np.intp),
         np.concatenate([one.light_at for one in outlines]),
         np.concatenate([one.light_row_px for one in outlines]),
     )

@@ -77,6 +77,16 @@ class TouchPointFinder:
         contact alone, -1 for none.  `outlines` are those of each camera, None for one without a
         picture.  Raises `ValueError` if they are not as wide as the camera's table.
         """
+        sections = np.column_stack([discs, sigma_mm]).astype(np.float64)
+        return _points_of(self.table(sections, np.ascontiguousarray(owned, np.intp), outlines))
+
+    def table(
+        self, sections: FloatArray, owned: IntArray, outlines: Sequence[Outlines | None]
+    ) -> FloatArray:
+        """Return the same as the table of `touch_points`.
+
+        The columns of `sections` (N, 4 or more) begin with x, y, r and the sigma.
+        """
         seen = [
             nothing if one is None else one
             for one, nothing in zip(outlines, self._nothing, strict=True)
@@ -88,20 +98,19 @@ class TouchPointFinder:
                     f"its table has {len(nothing.light_at)}"
                 )
         traces = traces_of(seen)
-        table = touch_points(
+        return touch_points(
             *self._views,
             traces.first_outline,
             traces.columns_px,
             traces.rows_px,
             traces.light,
-            traces.light_shape,
+            traces.first_light,
+            traces.light_rows,
             traces.light_at,
             traces.light_row_px,
-            np.ascontiguousarray(discs, np.float64),
-            np.ascontiguousarray(sigma_mm, np.float64),
-            np.ascontiguousarray(owned, np.intp),
+            sections,
+            owned,
         )
-        return _points_of(table)
 
 
 def _no_outlines(width_px: int) -> Outlines:

@@ -252,7 +252,7 @@ def _write_lean(
 
 @compiled(
     "f8[:,::1](f8[:,::1], i8[::1], f8[:,::1], f8[:,::1], i8[::1], f8[:,:,::1], f8[:,:,::1],"
-    " f4[::1], i8[:,::1], i4[::1], i4[::1], f8[:,::1], f8[::1], i8[:,:,::1])"
+    " f4[::1], i8[::1], i8[::1], i4[::1], i4[::1], f8[:,::1], i8[:,:,::1])"
 )
 def touch_points(
     eyes: FloatArray,
@@ -263,40 +263,49 @@ def touch_points(
     columns_px: FloatArray,
     rows_px: FloatArray,
     light: NDArray[np.float32],
-    light_shape: IntArray,
+    first_light: IntArray,
+    light_rows: IntArray,
     light_at: NDArray[np.int32],
     light_row_px: NDArray[np.int32],
-    discs: FloatArray,
-    sigma_mm: FloatArray,
+    sections: FloatArray,
     owned: IntArray,
 ) -> FloatArray:
     """Return the table of N touch points, (N, 13), with the columns `AT_X` .. `GAP_CAMERAS`.
 
     Those with few edges are looked at twice: rays that graze the capsules of others tell less.
 
-    The arguments are those of `Views`, `Traces` and `TouchPointFinder.find`.
+    The arguments are those of `Views`, `Traces` and `TouchPointFinder.table`.
     """
     views = Views(eyes, first_column, by_column, directions)
-    traces = Traces(first_outline, columns_px, rows_px, light, light_shape, light_at, light_row_px)
+    traces = Traces(
+        first_outline,
+        columns_px,
+        rows_px,
+        light,
+        first_light,
+        light_rows,
+        light_at,
+        light_row_px,
+    )
     room = _room_for(2 * len(eyes) * columns_px.shape[2])
-    points, poses = np.empty((len(discs), COLUMNS)), np.full((len(discs), 8), np.nan)
-    edges = np.full(len(discs), FEWEST_EDGES)
+    points, poses = np.empty((len(sections), COLUMNS)), np.full((len(sections), 8), np.nan)
+    edges = np.full(len(sections), FEWEST_EDGES)
     camera_mm = float(np.mean(eyes[:, 2]))
-    for again in range(2 if len(discs) > 1 else 1):
-        for contact in range(len(discs)):
+    for again in range(2 if len(sections) > 1 else 1):
+        for contact in range(len(sections)):
             if edges[contact] < FEWEST_EDGES or edges[contact] > MANY_EDGES:
                 continue  # it would change nothing, or hardly anything
-            x, y, radius = row_of_three(discs, contact)
+            x, y, radius = row_of_three(sections, contact)
             count, seen, cameras = write_rays(
                 views, traces, owned, contact, x, y, radius, room.rays
             )
             if again and not weaken_shared(room.rays, count, poses, contact, room.near, room.rows):
                 continue
-            _write_section(points, contact, x, y, radius, sigma_mm[contact], camera_mm)
+            _write_section(points, contact, x, y, radius, sections[contact, 3], camera_mm)
             edges[contact] = _fit(points, contact, room, count, seen, cameras)
             if again == 0 and points[contact, METHOD] == CAPSULE:
                 write_pose(room.capsule, poses[contact])
-    for contact in range(len(discs)):
+    for contact in range(len(sections)):
         gap, cameras = gap_number(
             views,
             traces,
