@@ -6,6 +6,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from cornertouchd.compiling import compiled, inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.evidence import CONFIDENCE_WITHOUT_CONFIRMATION, may_be_hidden
 from cornertouchd.fusion.track_rows import (
@@ -42,13 +43,13 @@ def largest_sigma_mm(gate_mm: float) -> float:
     return max((gate_mm - NARROWEST_GATE_MM) / GATE_SIGMAS, LEAST_LARGEST_SIGMA_MM)
 
 
-@inlined
+@borrowing
 def _is_tentative(track: FloatArray) -> bool:
     """Whether the track may be a ghost: neither reported yet nor a palm."""
     return not is_reported(track) and not is_palm(track)
 
 
-@inlined
+@borrowing
 def _reach_mm(track: FloatArray, contact: FloatArray, gate_mm: float) -> float:
     """Return how far from where the track is expected the contact may continue it."""
     sigma_mm = sqrt(track[POSITION_VARIANCE] + contact[SIGMA] ** 2)
@@ -60,7 +61,7 @@ def _reach_mm(track: FloatArray, contact: FloatArray, gate_mm: float) -> float:
     return min(gate_mm, reach_mm)
 
 
-@inlined
+@borrowing
 def _cost(track: FloatArray, contact: FloatArray, gate_mm: float) -> float:
     cost = (contact[AT_X] - track[X]) ** 2 + (contact[AT_Y] - track[Y]) ** 2
     if not cost <= _reach_mm(track, contact, gate_mm) ** 2:
@@ -102,7 +103,7 @@ def _without_partner(has_one: BoolArray) -> IntArray:
     return numbers[:count]
 
 
-@inlined
+@borrowing
 def _forget_wrong_claims(partners: IntArray, contacts: FloatArray) -> None:
     """Let contacts that continue another track than they say, or none, say nothing."""
     for number in range(len(contacts)):

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 
 WordArray = NDArray[np.uint64]
 
@@ -14,13 +15,13 @@ def empty_sets(count: int, size: int) -> WordArray:
     return np.zeros((count, (size + 63) // 64), np.uint64)
 
 
-@inlined
+@borrowing
 def put_in(sets: WordArray, row: int, number: int) -> None:
     """Add a number to a set."""
     sets[row, number >> 6] |= np.uint64(1) << np.uint64(number & 63)
 
 
-@inlined
+@borrowing
 def fill(sets: WordArray, size: int) -> None:
     """Make the only set that of all numbers below `size`."""
     for word in range(sets.shape[1]):
@@ -29,21 +30,21 @@ def fill(sets: WordArray, size: int) -> None:
         sets[0, size >> 6] = (np.uint64(1) << np.uint64(size & 63)) - np.uint64(1)
 
 
-@inlined
+@borrowing
 def is_in(sets: WordArray, row: int, number: int) -> bool:
     """Tell whether a set holds a number."""
     bit = np.uint64(1) << np.uint64(number & 63)
     return bool((sets[row, number >> 6] & bit) != np.uint64(0))
 
 
-@inlined
+@borrowing
 def take_out(sets: WordArray, others: WordArray, other: int) -> None:
     """Remove from the only set all numbers that another one holds."""
     for word in range(sets.shape[1]):
         sets[0, word] &= ~others[other, word]
 
 
-@inlined
+@borrowing
 def count_common(sets: WordArray, row: int, others: WordArray, other: int) -> int:
     """Return how many numbers two sets have in common."""
     count = 0
@@ -52,7 +53,7 @@ def count_common(sets: WordArray, row: int, others: WordArray, other: int) -> in
     return count
 
 
-@inlined
+@borrowing
 def _count_ones(word: np.uint64) -> int:
     """Sum neighbouring bits, pairs, then nibbles: LLVM knows this form as one instruction."""
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)

@@ -6,6 +6,7 @@ Each seed is fitted to all the edges that it touches.
 import numpy as np
 
 from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.cells import DiscBounds
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import (
@@ -80,7 +81,7 @@ def find_candidates(
     return count
 
 
-@inlined
+@borrowing
 def _fit(rows: EdgeRows, bounds: DiscBounds, edges: int, fits: Pool, place: int) -> bool:
     """Fit a disc to the edges that it touches, twice: the fit may gain or lose an edge.
 
@@ -104,7 +105,7 @@ def _fit(rows: EdgeRows, bounds: DiscBounds, edges: int, fits: Pool, place: int)
     )
 
 
-@inlined
+@borrowing
 def _is_in_the_light(rows: EdgeRows, believed: BoolArray, fits: Pool, place: int) -> bool:
     """Tell whether a believed camera looks at a disc and shows none of it.
 
@@ -118,7 +119,7 @@ def _is_in_the_light(rows: EdgeRows, believed: BoolArray, fits: Pool, place: int
     return lit
 
 
-@inlined
+@borrowing
 def _move_to_edges(rows: EdgeRows, shape_variance_mm2: float, fits: Pool, place: int) -> float:
     """Move a disc to where its edges want it; return the larger variance of x and y."""
     misfits, shadows, lines = fits.misfits, fits.shadows, rows.lines
@@ -147,7 +148,7 @@ def _move_to_edges(rows: EdgeRows, shape_variance_mm2: float, fits: Pool, place:
     return solve_disc((xx, xy, xr, yy, yr, rr), (x_moment, y_moment, r_moment), fits.discs, place)
 
 
-@inlined
+@borrowing
 def solve_disc(
     information: tuple[float, float, float, float, float, float],
     moments: tuple[float, float, float],
@@ -169,7 +170,7 @@ def solve_disc(
     return max(cxx, cyy) / determinant
 
 
-@inlined
+@borrowing
 def _order_by_cost(misfits: FloatArray, fitted: int, order: IntArray, costs: FloatArray) -> None:
     """Write the numbers of the discs of a cell, the cheapest first."""
     for number in range(fitted):
@@ -183,7 +184,7 @@ def _order_by_cost(misfits: FloatArray, fitted: int, order: IntArray, costs: Flo
         order[place] = number
 
 
-@inlined
+@borrowing
 def _is_dominated(misfits: FloatArray, order: IntArray, place: int) -> bool:
     """Tell whether a cheaper disc touches all edges of this one, and no edge of them much worse.
 

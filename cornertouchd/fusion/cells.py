@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import (
     GATE_SIGMAS,
@@ -62,7 +63,7 @@ class Wanted(NamedTuple):
     fewest: int
 
 
-@inlined
+@borrowing
 def is_on_surface(bounds: DiscBounds, x_mm: float, y_mm: float) -> bool:
     """Tell whether a place lies on the surface, or just beside it."""
     margin = SURFACE_MARGIN_MM + ROUNDING_MM
@@ -74,7 +75,7 @@ def is_on_surface(bounds: DiscBounds, x_mm: float, y_mm: float) -> bool:
     )
 
 
-@inlined
+@borrowing
 def is_in_shadow(
     lines: FloatArray,
     valid: BoolArray,
@@ -190,19 +191,19 @@ def _floors(rows: EdgeRows, believed: BoolArray, bounds: DiscBounds) -> FloatArr
     return floors[:count]
 
 
-@inlined
+@borrowing
 def _write_floor(floors: FloatArray, row: int, nx: float, ny: float, offset: float) -> None:
     floors[row, 0], floors[row, 1], floors[row, 2] = nx, ny, offset
     floors[row, 3] = DOWN[0] * ny - DOWN[1] * nx
 
 
-@inlined
+@borrowing
 def _end(first_shadow: IntArray, camera: int, floors: int) -> int:
     """Return the number of floors up to those of a camera, or all of them."""
     return int(2 * first_shadow[camera + 1] if camera < len(first_shadow) - 1 else floors)
 
 
-@inlined
+@borrowing
 def _others_first(believed: BoolArray, a: int, b: int, order: IntArray) -> int:
     """Write in which order to ask the cameras: a and b refuse least.  Return how many they are.
 
@@ -222,7 +223,7 @@ def _others_first(believed: BoolArray, a: int, b: int, order: IntArray) -> int:
     return count
 
 
-@inlined
+@borrowing
 def _is_wanted(wanted: Wanted, cell: IntArray) -> bool:
     if wanted.fewest == 0:
         return True
@@ -247,7 +248,7 @@ class _CellsMet(NamedTuple):
     touched: IntArray
 
 
-@inlined
+@borrowing
 def _table_size(rows: EdgeRows, wanted: Wanted) -> int:
     """Return a power of two, twice the number of possible cells."""
     possible = 1
@@ -264,7 +265,7 @@ def _table_size(rows: EdgeRows, wanted: Wanted) -> int:
     return size
 
 
-@inlined
+@borrowing
 def _meet(met: _CellsMet, count: int, cell: IntArray, first_shadow: IntArray) -> int:
     """Count a pair of edges for the cell; return how many cells are known then."""
     key = 0
@@ -289,7 +290,7 @@ def _meet(met: _CellsMet, count: int, cell: IntArray, first_shadow: IntArray) ->
     return count + 1
 
 
-@inlined
+@borrowing
 def _cap(believed: BoolArray) -> int:
     edges = 0
     for camera in range(len(believed)):

@@ -11,6 +11,7 @@ import numpy as np
 
 from cornertouchd.compiling import inlined
 from cornertouchd.fusion.bits import WordArray, count_common, empty_sets, put_in
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import (
     FIRST,
@@ -73,7 +74,7 @@ class Costs(NamedTuple):
     by_saving: IntArray
 
 
-@inlined
+@borrowing
 def price_new_discs(pool: Pool, first: int, end: int, cost: float) -> None:
     """Say what discs cost that continue no prediction; `cost` is that of a finger."""
     for disc in range(first, end):
@@ -121,7 +122,7 @@ def costs_of(pool: Pool, count: int, rows: EdgeRows, edge_sigma_px: float) -> Co
     return costs
 
 
-@inlined
+@borrowing
 def saved_by_edges(edges: IntArray, edge_costs: FloatArray, disc: int, left: FloatArray) -> float:
     """Return how much less a disc lets the edges of its cell cost than what is `left` to pay."""
     saved = 0.0
@@ -130,7 +131,7 @@ def saved_by_edges(edges: IntArray, edge_costs: FloatArray, disc: int, left: Flo
     return saved
 
 
-@inlined
+@borrowing
 def _order_by_saving(savings: FloatArray, order: IntArray) -> None:
     """Write the numbers of the discs, what saves most first; quick for some hundreds."""
     for disc in range(len(order)):
@@ -148,7 +149,7 @@ def _order_by_saving(savings: FloatArray, order: IntArray) -> None:
         gap //= 3
 
 
-@inlined
+@borrowing
 def _mark_conflicts(conflicts: WordArray, same: WordArray, discs: FloatArray, count: int) -> None:
     for disc in range(count):
         for other in range(disc + 1):
@@ -180,7 +181,7 @@ def _first_pieces(rows: EdgeRows, edge_sigma_px: float) -> IntArray:
     return first_piece
 
 
-@inlined
+@borrowing
 def _cover(
     covers: WordArray,
     discs: FloatArray,

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.limits import ROUNDING_MM, SURFACE_MARGIN_MM
 from cornertouchd.model import BoolArray, FloatArray
@@ -113,7 +114,7 @@ def edge_rows(
     return rows, seeing, kept
 
 
-@inlined
+@borrowing
 def _write_view(
     rows: EdgeRows,
     camera: int,
@@ -132,7 +133,7 @@ def _write_view(
         views[camera, KIND] = SEES_ALL
 
 
-@inlined
+@borrowing
 def _has_before_it(
     first: float, last: float, x_mm: float, y_mm: float, width_mm: float, height_mm: float
 ) -> bool:
@@ -179,7 +180,7 @@ def _usable_shadows(seen: Sightings) -> tuple[IntArray, IntArray]:
     return kept[:count], counts
 
 
-@inlined
+@borrowing
 def _is_usable(seen: Sightings, shadow: int) -> bool:
     first, last = seen.first_rad[shadow], seen.last_rad[shadow]
     return bool(
@@ -192,7 +193,7 @@ def _is_usable(seen: Sightings, shadow: int) -> bool:
     )
 
 
-@inlined
+@borrowing
 def _leave_out_narrowest(seen: Sightings, kept: IntArray, start: int, end: int) -> None:
     """Close the gap that the narrowest leaves; of equal ones, the last."""
     narrowest = start
@@ -204,7 +205,7 @@ def _leave_out_narrowest(seen: Sightings, kept: IntArray, start: int, end: int) 
         kept[place] = kept[place + 1]
 
 
-@inlined
+@borrowing
 def _write_shadow(rows: EdgeRows, camera: int, shadow: int, seen: Sightings, number: int) -> None:
     first, last = seen.first_rad[number], seen.last_rad[number]
     rows.shadows[shadow, FIRST], rows.shadows[shadow, LAST] = first, last
@@ -219,12 +220,12 @@ def _write_shadow(rows: EdgeRows, camera: int, shadow: int, seen: Sightings, num
     rows.shadows[shadow, BEGINS] = 4.0 * whole_turns + _turn(rows.eyes, camera, along_x, along_y)
 
 
-@inlined
+@borrowing
 def _write_line(lines: FloatArray, edge: int, nx: float, ny: float, x: float, y: float) -> None:
     lines[edge, 0], lines[edge, 1], lines[edge, 2] = nx, ny, nx * x + ny * y
 
 
-@inlined
+@borrowing
 def _turn(eyes: FloatArray, camera: int, dx: float, dy: float) -> float:
     """Return -2..2 for a direction -180..180 degrees from forward: it grows with the angle.
 
@@ -236,7 +237,7 @@ def _turn(eyes: FloatArray, camera: int, dx: float, dy: float) -> float:
     return float(share if along >= 0.0 else np.copysign(2.0, across) - share)
 
 
-@inlined
+@borrowing
 def shadow_at(
     eyes: FloatArray,
     shadows: FloatArray,
@@ -255,7 +256,7 @@ def shadow_at(
     return int(first + max(begun - 1, 0))
 
 
-@inlined
+@borrowing
 def is_in_view(eyes: FloatArray, views: FloatArray, camera: int, x_mm: float, y_mm: float) -> bool:
     """Tell whether a camera looks at a place; on a line of view it does not."""
     if views[camera, KIND] == SEES_ALL:
@@ -268,14 +269,14 @@ def is_in_view(eyes: FloatArray, views: FloatArray, camera: int, x_mm: float, y_
     return bool(behind_first | before_last)
 
 
-@inlined
+@borrowing
 def squared_distance(eyes: FloatArray, camera: int, x_mm: float, y_mm: float) -> float:
     """Return that of a place from a camera."""
     dx, dy = x_mm - eyes[camera, 0], y_mm - eyes[camera, 1]
     return float(dx * dx + dy * dy)
 
 
-@inlined
+@borrowing
 def variance_of(
     eyes: FloatArray, shadows: FloatArray, camera: int, shadow: int, x_mm: float, y_mm: float
 ) -> float:
@@ -283,13 +284,13 @@ def variance_of(
     return float(shadows[shadow, SIGMA] ** 2 * squared_distance(eyes, camera, x_mm, y_mm))
 
 
-@inlined
+@borrowing
 def slack_of(lines: FloatArray, edge: int, x_mm: float, y_mm: float, radius_mm: float) -> float:
     """Return the slack of a disc at an edge."""
     return float(lines[edge, 0] * x_mm + lines[edge, 1] * y_mm - lines[edge, 2] - radius_mm)
 
 
-@inlined
+@borrowing
 def row_of_three(table: FloatArray, row: int) -> tuple[float, float, float]:
     """Return the first three numbers of a row."""
     return table[row, 0], table[row, 1], table[row, 2]

@@ -2,7 +2,7 @@
 
 from math import isnan
 
-from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.costs import COST_OF_A_NEW_DISC
 from cornertouchd.fusion.track_rows import (
     AT_RADIUS,
@@ -70,7 +70,7 @@ FINGER_AGAIN_AFTER_S = 0.5
 EDGES_OF_A_CLEAR_FINGER = 2.0
 
 
-@inlined
+@borrowing
 def _surplus(contact: FloatArray) -> float:
     """Return by how much the contact would be worth its cost if it were new.
 
@@ -80,7 +80,7 @@ def _surplus(contact: FloatArray) -> float:
     return -COST_OF_A_NEW_DISC if isnan(support) else support - COST_OF_A_NEW_DISC
 
 
-@inlined
+@borrowing
 def _is_supported(contact: FloatArray) -> bool:
     """Whether more than the prediction that it continues speaks for the contact."""
     if contact[CONTINUES] < 0.0:
@@ -88,12 +88,12 @@ def _is_supported(contact: FloatArray) -> bool:
     return bool(contact[OWN_EDGES] > 0.0 and contact[SUPPORT] >= LEAST_SUPPORT)
 
 
-@inlined
+@borrowing
 def _doubt(track: FloatArray, by: float) -> None:
     track[LOG_ODDS] = max(track[LOG_ODDS] - by, LEAST_LOG_ODDS)
 
 
-@inlined
+@borrowing
 def start_believing(track: FloatArray, contact: FloatArray) -> None:
     """Begin with the least belief.
 
@@ -107,13 +107,13 @@ def start_believing(track: FloatArray, contact: FloatArray) -> None:
     track[PALM_RADIUS] = contact[AT_RADIUS] if contact[IS_PALM] > 0.0 else 0.0
 
 
-@inlined
+@borrowing
 def believe_from_now_on(track: FloatArray, contact: FloatArray) -> None:
     """Begin to favour the touch, as much as the contact deserves, because it is reported."""
     track[LOG_ODDS] = min(max(_surplus(contact) - 1.0, REPORTED_LOG_ODDS), 0.0)
 
 
-@inlined
+@borrowing
 def _stay_palm(track: FloatArray, contact: FloatArray, elapsed_s: float) -> None:
     """Weigh whether what has been a palm is one still."""
     if contact[IS_PALM] > 0.0:
@@ -125,7 +125,7 @@ def _stay_palm(track: FloatArray, contact: FloatArray, elapsed_s: float) -> None
         track[PALM_RADIUS] = track[FINGER_S] = 0.0
 
 
-@inlined
+@borrowing
 def believe(track: FloatArray, contact: FloatArray, elapsed_s: float) -> None:
     """Weigh what a contact tells about the touch that it continues."""
     track[SEEN] += 1.0
@@ -143,7 +143,7 @@ def believe(track: FloatArray, contact: FloatArray, elapsed_s: float) -> None:
         _doubt(track, min(-SHARE_DOUBTED * surplus, MOST_DOUBTED))
 
 
-@inlined
+@borrowing
 def may_be_hidden(track: FloatArray) -> bool:
     """Whether so little told the touch apart when it was seen last that others may hide it now."""
     return bool(
@@ -153,20 +153,20 @@ def may_be_hidden(track: FloatArray) -> bool:
     )
 
 
-@inlined
+@borrowing
 def is_missed_where_hidden(track: FloatArray) -> bool:
     """Whether the touch is missing since others may hide it."""
     return bool(track[MISSED] > 0.0 and track[LAST_SUPPORT] < SUPPORT_OF_HIDDEN)
 
 
-@inlined
+@borrowing
 def miss(track: FloatArray, periods: float) -> None:
     """Weigh that no contact continues the touch, for so many periods of the cameras."""
     track[MISSED] += periods
     _doubt(track, MOST_DOUBTED)
 
 
-@inlined
+@borrowing
 def is_taken_for_palm(
     track: FloatArray, contact: FloatArray, now_s: float, elapsed_s: float
 ) -> bool:
@@ -190,7 +190,7 @@ def is_taken_for_palm(
     return False
 
 
-@inlined
+@borrowing
 def goes_on(track: FloatArray, coast_frames: float, is_hidden: bool) -> bool:
     """Whether the touch is worth following after this frame set."""
     patience = coast_frames if is_reported(track) or is_palm(track) else 0.0
@@ -199,7 +199,7 @@ def goes_on(track: FloatArray, coast_frames: float, is_hidden: bool) -> bool:
     return bool(track[MISSED] <= patience and track[UNSUPPORTED_S] <= LONGEST_UNSUPPORTED_S)
 
 
-@inlined
+@borrowing
 def is_sure(track: FloatArray, contact: FloatArray, confirm_frames: float, whole: bool) -> bool:
     """Whether a touch that the contact shows is real enough to be reported.
 
@@ -217,7 +217,7 @@ def is_sure(track: FloatArray, contact: FloatArray, confirm_frames: float, whole
     return bool(is_confident and track[SEEN] >= max(confirm_frames, FRAMES_THAT_CONFIRM))
 
 
-@inlined
+@borrowing
 def is_part_of_palm(contact: FloatArray, palm: FloatArray) -> bool:
     """Whether the contact lies where the palm was at its largest."""
     apart = (contact[AT_X] - palm[X]) ** 2 + (contact[AT_Y] - palm[Y]) ** 2

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from cornertouchd.compiling import compiled, inlined
+from cornertouchd.compiling import compiled
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.evidence import (
     believe,
@@ -39,7 +40,7 @@ from cornertouchd.fusion.track_rows import (
 from cornertouchd.model import BoolArray, FloatArray
 
 
-@inlined
+@borrowing
 def _report_if_sure(
     track: FloatArray,
     contact: FloatArray,
@@ -60,7 +61,7 @@ def _report_if_sure(
     return last_id + 1
 
 
-@inlined
+@borrowing
 def _begin(
     track: FloatArray,
     contact: FloatArray,
@@ -82,7 +83,7 @@ def _begin(
     return _report_if_sure(track, contact, rules, now_s, last_id, whole)
 
 
-@inlined
+@borrowing
 def _go_on(
     track: FloatArray,
     contact: FloatArray,

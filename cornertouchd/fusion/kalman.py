@@ -5,7 +5,7 @@ The acceleration is white noise.  The radius is followed beside it, slowly.
 
 from math import exp, inf, isfinite, sqrt
 
-from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.evidence import SUPPORT_OF_HIDDEN, is_missed_where_hidden
 from cornertouchd.fusion.track_rows import (
     AT_RADIUS,
@@ -49,13 +49,13 @@ RADIUS_NOISE_MM = 0.8
 EDGES_THAT_TELL_A_RADIUS = 4
 
 
-@inlined
+@borrowing
 def _variance(contact: FloatArray, smallest_sigma_mm: float) -> float:
     sigma_mm = contact[SIGMA]
     return max(sigma_mm, smallest_sigma_mm) ** 2 if isfinite(sigma_mm) else SIGMA_OF_UNKNOWN_MM**2
 
 
-@inlined
+@borrowing
 def _slow_down(track: FloatArray, elapsed_s: float, most_mm_s: float) -> None:
     speed = sqrt(track[SPEED_X] ** 2 + track[SPEED_Y] ** 2)
     rest = exp(-elapsed_s / SLOWS_DOWN_WITHIN_S)
@@ -65,14 +65,14 @@ def _slow_down(track: FloatArray, elapsed_s: float, most_mm_s: float) -> None:
     track[SPEED_Y] *= rest
 
 
-@inlined
+@borrowing
 def _follow_radius(track: FloatArray, radius_mm: float) -> None:
     gain = track[RADIUS_VARIANCE] / (track[RADIUS_VARIANCE] + RADIUS_NOISE_MM**2)
     track[RADIUS] += gain * (radius_mm - track[RADIUS])
     track[RADIUS_VARIANCE] = max((1.0 - gain) * track[RADIUS_VARIANCE], RADIUS_SIGMA_MM**2)
 
 
-@inlined
+@borrowing
 def start_moving(track: FloatArray, contact: FloatArray) -> None:
     """Begin where the contact is, with a velocity that is not known."""
     track[X], track[Y], track[RADIUS] = contact[AT_X], contact[AT_Y], contact[AT_RADIUS]
@@ -83,7 +83,7 @@ def start_moving(track: FloatArray, contact: FloatArray) -> None:
     track[RADIUS_VARIANCE] = BIRTH_RADIUS_SIGMA_MM**2
 
 
-@inlined
+@borrowing
 def advance(
     track: FloatArray, elapsed_s: float, acceleration_variance: float, largest_variance: float
 ) -> None:
@@ -109,7 +109,7 @@ def advance(
         track[POSITION_VARIANCE] = largest_variance
 
 
-@inlined
+@borrowing
 def follow(track: FloatArray, contact: FloatArray) -> None:
     """Move the track to where the contact says that the touch is."""
     before = track[POSITION_VARIANCE]

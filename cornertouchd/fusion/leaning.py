@@ -6,7 +6,7 @@ tip that is found in another way moves the touch only as far as its variance all
 
 from math import sqrt
 
-from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.track_rows import (
     GAP,
     HEIGHT,
@@ -40,7 +40,7 @@ LIFTED_AFTER_S = 0.02
 LARGEST_SPEED_MM_S = 20.0
 
 
-@inlined
+@borrowing
 def start_leaning(track: FloatArray, contact: FloatArray, rules: FloatArray) -> None:
     """Begin with what the contact tells."""
     track[SHIFT_X] = track[SHIFT_Y] = 0.0
@@ -48,7 +48,7 @@ def start_leaning(track: FloatArray, contact: FloatArray, rules: FloatArray) -> 
     lean(track, contact, rules, 0.0)
 
 
-@inlined
+@borrowing
 def lean(track: FloatArray, contact: FloatArray, rules: FloatArray, elapsed_s: float) -> None:
     """Follow the tip, and for how long there has been light below it."""
     variance = min(track[SHIFT_VARIANCE] + SHIFT_GROWTH_MM2_S * elapsed_s, UNKNOWN_SHIFT_MM2)
@@ -69,13 +69,13 @@ def lean(track: FloatArray, contact: FloatArray, rules: FloatArray, elapsed_s: f
         track[HOVERS_S] = 0.0
 
 
-@inlined
+@borrowing
 def hovers(contact: FloatArray) -> bool:
     """Whether a contact does not touch yet; False if nobody can tell."""
     return bool(contact[GAP] > LARGEST_GAP)
 
 
-@inlined
+@borrowing
 def is_lifted(track: FloatArray) -> bool:
     """Whether the finger has left the surface, though it is still seen."""
     return bool(track[HOVERS_S] >= LIFTED_AFTER_S)

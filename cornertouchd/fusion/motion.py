@@ -13,6 +13,7 @@ import numpy as np
 
 from cornertouchd.compiling import compiled, inlined
 from cornertouchd.config import MotionSettings
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.model import (
     BoolArray,
@@ -150,7 +151,7 @@ def _moved(outlines: Outlines, moved_px: FloatArray) -> Outlines:
     return replace(outlines, columns_px=columns_px, light_at=light_at)
 
 
-@inlined
+@borrowing
 def _clear_partner(place_px: float, side: int, others_px: FloatArray, free: BoolArray) -> int:
     """Return which of the other shadows' free edges is clearly the nearest, -1 if none is."""
     nearest, nearest_px, next_px = -1, np.inf, np.inf
@@ -164,7 +165,7 @@ def _clear_partner(place_px: float, side: int, others_px: FloatArray, free: Bool
     return nearest if next_px > CLEARLY_NEARER * nearest_px else -1
 
 
-@inlined
+@borrowing
 def _match(
     partners: IntArray,
     side: int,
@@ -213,7 +214,7 @@ def _find_partners(
             _match(partners, side, expected_px, seeking, edges_px, free, share * width_px)
 
 
-@inlined
+@borrowing
 def _updated(
     velocity: float, trust: float, surprise_px: float, elapsed_s: float, width_px: float
 ) -> tuple[float, float]:
@@ -226,7 +227,7 @@ def _updated(
     return velocity + gain * surprise_px / elapsed_s, KNOWN if as_expected else GUESSED
 
 
-@inlined
+@borrowing
 def _trust_pairs(trust: FloatArray, moves_px: FloatArray) -> None:
     """Trust the two edges of a shadow that were both found again, having moved alike."""
     for shadow in range(len(trust)):
@@ -237,7 +238,7 @@ def _trust_pairs(trust: FloatArray, moves_px: FloatArray) -> None:
                 trust[shadow, 0] = trust[shadow, 1] = KNOWN
 
 
-@inlined
+@borrowing
 def _was_dark(place_px: float, old_px: FloatArray) -> bool:
     """Tell whether a place lay in a shadow."""
     dark = False
@@ -246,7 +247,7 @@ def _was_dark(place_px: float, old_px: FloatArray) -> bool:
     return dark
 
 
-@inlined
+@borrowing
 def _hide_uncovered(
     shown: BoolArray,
     edges_px: FloatArray,
@@ -269,7 +270,7 @@ def _hide_uncovered(
                 shown[shadow, side] = False
 
 
-@inlined
+@borrowing
 def _shift(
     shifted_px: FloatArray,
     shown: BoolArray,

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.cells import DiscBounds, is_in_shadow, is_on_surface
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import (
@@ -59,7 +60,7 @@ def empty_pool(size: int, cameras: int) -> Pool:
     )
 
 
-@inlined
+@borrowing
 def copy_disc(pool: Pool, place: int, other: Pool, number: int) -> None:
     """Copy a disc of another pool, but not its price."""
     for column in range(3):
@@ -70,7 +71,7 @@ def copy_disc(pool: Pool, place: int, other: Pool, number: int) -> None:
         pool.misfits[place, row] = other.misfits[number, row]
 
 
-@inlined
+@borrowing
 def is_possible(bounds: DiscBounds, x_mm: float, y_mm: float, radius_mm: float) -> bool:
     """Tell whether a disc has a size and a place where something may touch."""
     return bounds.smallest_radius_mm < radius_mm < bounds.largest_radius_mm and is_on_surface(
@@ -78,13 +79,13 @@ def is_possible(bounds: DiscBounds, x_mm: float, y_mm: float, radius_mm: float) 
     )
 
 
-@inlined
+@borrowing
 def cost_of_edge(misfit: float) -> float:
     """Return what an edge costs with a disc that touches it so well."""
     return min(0.5 * misfit * misfit, COST_OF_AN_EDGE)
 
 
-@inlined
+@borrowing
 def write_misfits(pool: Pool, place: int, rows: EdgeRows, shape_variance_mm2: float) -> bool:
     """Find out which edges of its cell the disc touches, and whether it lies in the cell."""
     misfits, shadows, lines, valid = pool.misfits, pool.shadows, rows.lines, rows.valid

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.candidates import solve_disc
 from cornertouchd.fusion.cells import DiscBounds
 from cornertouchd.fusion.edge_rows import (
@@ -43,7 +43,7 @@ class PredictedDiscs(NamedTuple):
     costs: FloatArray
 
 
-@inlined
+@borrowing
 def add_predicted(
     rows: EdgeRows, predicted: PredictedDiscs, bounds: DiscBounds, pool: Pool, count: int
 ) -> int:
@@ -57,7 +57,7 @@ def add_predicted(
     return count
 
 
-@inlined
+@borrowing
 def _add_one(
     rows: EdgeRows,
     predicted: PredictedDiscs,
@@ -99,7 +99,7 @@ def _add_one(
     )
 
 
-@inlined
+@borrowing
 def _choose_shadows(
     rows: EdgeRows, bounds: DiscBounds, pool: Pool, place: int, spread_mm2: float
 ) -> tuple[int, int]:
@@ -131,7 +131,7 @@ def _choose_shadows(
     return shown, missed
 
 
-@inlined
+@borrowing
 def _move_to_edges(
     rows: EdgeRows,
     predicted: PredictedDiscs,

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.candidates import LARGEST_POSITION_SIGMA_MM
 from cornertouchd.fusion.cholesky import factorise, solve, variance_of_term
 from cornertouchd.fusion.crossed import IntArray
@@ -91,7 +92,7 @@ def _owned_edges(pool: Pool, chosen: IntArray, rows: EdgeRows) -> BoolArray:
     return owned
 
 
-@inlined
+@borrowing
 def _write_priors(
     pool: Pool, disc: int, predicted: PredictedDiscs, information: FloatArray, moments: FloatArray
 ) -> None:

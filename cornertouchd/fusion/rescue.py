@@ -13,6 +13,7 @@ in turn, and each pair along its line.
 import numpy as np
 
 from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.cells import Wanted
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import NO_SHADOW, EdgeRows, is_in_view, row_of_three
@@ -34,7 +35,7 @@ LARGEST_RADIUS_MM = 10.0
 CAMERA_BODY_MM = 15.0
 
 
-@inlined
+@borrowing
 def is_needed(rows: EdgeRows, unexplained: BoolArray, contacts: int) -> bool:
     """Tell whether a rescue has a chance: `unexplained` (2 S,) marks edges."""
     edges = 0
@@ -58,7 +59,7 @@ def cameras_to_believe(cameras: int) -> BoolArray:
     return believed
 
 
-@inlined
+@borrowing
 def keep_rescued(rows: EdgeRows, wanted: Wanted, pool: Pool, first: int, end: int) -> int:
     """Keep those discs from `first` on that touch enough of the wanted edges.
 
@@ -80,7 +81,7 @@ def keep_rescued(rows: EdgeRows, wanted: Wanted, pool: Pool, first: int, end: in
     return count
 
 
-@inlined
+@borrowing
 def _is_missed(rows: EdgeRows, believed: BoolArray, pool: Pool, disc: int) -> bool:
     """Tell whether all disbelieved cameras look at a disc, and enough cameras with them."""
     x, y, _ = row_of_three(pool.discs, disc)
@@ -95,7 +96,7 @@ def _is_missed(rows: EdgeRows, believed: BoolArray, pool: Pool, disc: int) -> bo
     return looking >= FEWEST_CAMERAS
 
 
-@inlined
+@borrowing
 def _explains_enough(
     shadows: IntArray, misfits: FloatArray, disc: int, unexplained: BoolArray
 ) -> bool:
@@ -110,7 +111,7 @@ def _explains_enough(
     return edges >= FEWEST_EDGES and cameras >= FEWEST_CAMERAS_WITH_EDGES
 
 
-@inlined
+@borrowing
 def _is_in_line(
     eyes: FloatArray, believed: BoolArray, x_mm: float, y_mm: float, radius_mm: float
 ) -> bool:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.cells import DiscBounds, best_of
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import GATE_SIGMAS, NO_SHADOW, SIGMA, EdgeRows, row_of_three
@@ -53,7 +54,7 @@ def find_seeds(rows: EdgeRows, cells: IntArray, bounds: DiscBounds) -> tuple[See
     return seeds, _keep_most_touching(seeds, count)
 
 
-@inlined
+@borrowing
 def _gather_edges(
     rows: EdgeRows, cells: IntArray, cell: int, edges: FloatArray, valid: BoolArray
 ) -> None:
@@ -71,7 +72,7 @@ def _gather_edges(
             edges[row, 4], edges[row, 5] = rows.eyes[camera, 0], rows.eyes[camera, 1]
 
 
-@inlined
+@borrowing
 def _seed_by_threes(
     edges: FloatArray,
     valid: BoolArray,
@@ -120,7 +121,7 @@ def _seed_by_threes(
     return count
 
 
-@inlined
+@borrowing
 def _are_of_one_finger(seeds: Seeds, first: int, end: int, edges: int) -> bool:
     """Tell whether a known disc touches these; one larger than a finger may be several."""
     discs, touched, known = seeds.discs, seeds.edges, False
@@ -129,7 +130,7 @@ def _are_of_one_finger(seeds: Seeds, first: int, end: int, edges: int) -> bool:
     return known
 
 
-@inlined
+@borrowing
 def _seed_by_twos(
     edges: FloatArray,
     valid: BoolArray,
@@ -168,7 +169,7 @@ def _seed_by_twos(
     return count
 
 
-@inlined
+@borrowing
 def _add_seed(
     edges: FloatArray,
     valid: BoolArray,
@@ -200,7 +201,7 @@ def _add_seed(
     return count + 1
 
 
-@inlined
+@borrowing
 def _sort_by_edges(seeds: Seeds, first: int, end: int) -> None:
     discs, edges = seeds.discs, seeds.edges
     for number in range(first + 1, end):

@@ -16,6 +16,7 @@ from cornertouchd.fusion.bits import (
     is_in,
     take_out,
 )
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.costs import COST_OF_A_DARK_PIECE, Costs, saved_by_edges
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.pool import COST_OF_AN_EDGE
@@ -125,7 +126,7 @@ def cheapest_explanation(costs: Costs) -> Explanation:
     return Explanation(best.chosen[:size], margins, best.edge_costs)
 
 
-@inlined
+@borrowing
 def _remember(discs: _Set, size: int, found: _Found) -> None:
     for place in range(size):
         found.chosen[place] = discs.chosen[place]
@@ -133,14 +134,14 @@ def _remember(discs: _Set, size: int, found: _Found) -> None:
         found.edge_costs[edge] = discs.edge_costs[edge]
 
 
-@inlined
+@borrowing
 def _leave_out(best: IntArray, size: int, place: int, start: IntArray) -> None:
     """Start with all of the best but one."""
     for other in range(size - 1):
         start[other] = best[other + int(other >= place)]
 
 
-@inlined
+@borrowing
 def _promising(
     costs: Costs,
     edge_costs: FloatArray,
@@ -160,7 +161,7 @@ def _promising(
     return min(MOST_PUT_IN, len(promise)) if most >= LEAST_PROMISE else 0
 
 
-@inlined
+@borrowing
 def _take_most_promising(promise: FloatArray) -> int:
     best = 0
     for disc in range(len(promise)):
@@ -170,7 +171,7 @@ def _take_most_promising(promise: FloatArray) -> int:
     return best
 
 
-@inlined
+@borrowing
 def _is_among(best: IntArray, size: int, disc: int) -> bool:
     found = False
     for place in range(size):
@@ -178,7 +179,7 @@ def _is_among(best: IntArray, size: int, disc: int) -> bool:
     return found
 
 
-@inlined
+@borrowing
 def _put_in(
     conflicts: WordArray,
     best: IntArray,
@@ -202,7 +203,7 @@ def _put_in(
     return count
 
 
-@inlined
+@borrowing
 def _fill_up(
     costs: Costs, discs: _Set, start: IntArray, start_count: int, banned: int
 ) -> tuple[int, float]:
@@ -230,7 +231,7 @@ def _fill_up(
     return count, cost + COST_OF_A_DARK_PIECE * count_common(discs.dark, 0, discs.dark, 0)
 
 
-@inlined
+@borrowing
 def _start_over(costs: Costs, discs: _Set, banned: int) -> None:
     left, savings, known_at = discs.edge_costs, discs.savings, discs.known_at
     at_first = costs.savings
@@ -245,7 +246,7 @@ def _start_over(costs: Costs, discs: _Set, banned: int) -> None:
         savings[disc], known_at[disc] = at_first[disc], 0
 
 
-@inlined
+@borrowing
 def _most_saving(costs: Costs, discs: _Set, count: int) -> int:
     """Return the free disc that saves most beside those in the set, if any saves something.
 

@@ -6,7 +6,7 @@ Interactive Systems (CHI 2012).  Both axes share one cutoff, so that strokes sta
 
 from math import exp, pi, sqrt
 
-from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.track_rows import (
     AHEAD_S,
     AT_X,
@@ -53,13 +53,13 @@ CATCHES_UP_WITHIN_S = 0.03
 SHORTEST_TIME_S = 1e-6
 
 
-@inlined
+@borrowing
 def _share(cutoff_hz: float, elapsed_s: float) -> float:
     """Return how much of a difference a low-pass filter of first order takes over."""
     return 1.0 / (1.0 + 1.0 / (2.0 * pi * cutoff_hz * elapsed_s))
 
 
-@inlined
+@borrowing
 def _smooth(track: FloatArray, elapsed_s: float, rules: FloatArray) -> None:
     """Take in where the track is; a cutoff of 0 lets all through."""
     trend_share = _share(rules[TREND_CUTOFF_HZ], elapsed_s)
@@ -74,7 +74,7 @@ def _smooth(track: FloatArray, elapsed_s: float, rules: FloatArray) -> None:
     track[SMOOTH_Y] += share * (track[TIP_Y] - track[SMOOTH_Y])
 
 
-@inlined
+@borrowing
 def _rest(track: FloatArray, elapsed_s: float, now_s: float, dead_band_mm: float) -> None:
     """Tell whether the finger is still, by a dead band with hysteresis.
 
@@ -99,7 +99,7 @@ def _rest(track: FloatArray, elapsed_s: float, now_s: float, dead_band_mm: float
     track[BEHIND_Y] *= left
 
 
-@inlined
+@borrowing
 def _ahead(place_mm: float, speed_mm_s: float, ahead_s: float, side_mm: float) -> float:
     """Return where the finger will be, on the surface; without prediction, where it is."""
     if ahead_s == 0.0:
@@ -107,7 +107,7 @@ def _ahead(place_mm: float, speed_mm_s: float, ahead_s: float, side_mm: float) -
     return min(max(place_mm + speed_mm_s * ahead_s, 0.0), side_mm)
 
 
-@inlined
+@borrowing
 def show_first(track: FloatArray, contact: FloatArray, now_s: float, rules: FloatArray) -> None:
     """Report the measurement itself, at rest: nothing is known of its motion."""
     x = min(max(contact[AT_X] + track[SHIFT_X], 0.0), rules[WIDTH])
@@ -123,7 +123,7 @@ def show_first(track: FloatArray, contact: FloatArray, now_s: float, rules: Floa
     track[SHOWN_SPEED_X] = track[SHOWN_SPEED_Y] = 0.0
 
 
-@inlined
+@borrowing
 def show(track: FloatArray, now_s: float, rules: FloatArray) -> None:
     """Report where the track is now."""
     elapsed_s = max(now_s - track[TAKEN_AT_S], SHORTEST_TIME_S)
@@ -140,7 +140,7 @@ def show(track: FloatArray, now_s: float, rules: FloatArray) -> None:
     track[SHOWN_Y] = _ahead(y, track[SPEED_Y], rules[AHEAD_S], rules[HEIGHT])
 
 
-@inlined
+@borrowing
 def show_last(track: FloatArray) -> None:
     """Report the touch where it was reported last, at rest."""
     track[SHOWN_SPEED_X] = track[SHOWN_SPEED_Y] = 0.0

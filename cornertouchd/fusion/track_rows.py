@@ -4,7 +4,7 @@ The filters that move a touch, weigh it and smooth its report share its row; eac
 columns.  Times are seconds of the frame sets, lengths millimetres, speeds mm/s.
 """
 
-from cornertouchd.compiling import inlined
+from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.model import FloatArray
 
 (
@@ -98,13 +98,13 @@ OWN_COLUMNS = 8
 RULES = 9
 
 
-@inlined
+@borrowing
 def is_reported(track: FloatArray) -> bool:
     """Whether the track has been a touch for others since some frame set."""
     return bool(track[ID] > 0.0)
 
 
-@inlined
+@borrowing
 def is_palm(track: FloatArray) -> bool:
     """Whether the track has been a palm; then it stays one, whatever it shrinks to."""
     return bool(track[PALM_RADIUS] > 0.0)
