@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
 from cornertouchd.config.output import MOST_DESTINATIONS
-from cornertouchd.config.rig import CAMERA_IDS
+from cornertouchd.config.rig import CAMERA_IDS, CONTROL_VALUES
 from cornertouchd.config.settings import Settings
 from cornertouchd.config.table import Location, Table
 
@@ -34,7 +34,8 @@ def tables_of(table: Table, location: Location = ()) -> Iterator[tuple[Location,
             yield from tables_of(value, here)
         elif isinstance(value, Mapping):
             for name, child in value.items():
-                yield from tables_of(child, (*here, name))
+                if isinstance(child, Table):
+                    yield from tables_of(child, (*here, name))
         elif isinstance(value, tuple):
             for index, child in enumerate(value):
                 yield from tables_of(child, (*here, index))
@@ -86,6 +87,8 @@ def allowed(location: Location) -> str:
     if location[-1] in table_at(location).model_fields:
         key = str(location[-1])
         return _in_words(key, table_at(location).model_json_schema()["properties"][key])
+    if "controls" in location[:-1]:
+        return CONTROL_VALUES
     if location[:2] == ("tuio", "destinations"):
         return f"at most {MOST_DESTINATIONS} tables, each written as {header((*location[:2], 0))}"
     return f"a table, written as {header(location)}"

@@ -2,9 +2,9 @@
 
 import re
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field, field_validator
 
 from cornertouchd.config.table import Table
 
@@ -12,6 +12,19 @@ CAMERA_IDS = ("C1", "C2", "C3", "C4", "C5", "C6", "C7", "C8")
 DEFAULT_CAMERA_IDS = CAMERA_IDS[:4]
 USB_PORT = re.compile(r"port:\d+-\d+(\.\d+)*(:\d+\.\d+)?")
 """Bus, ports through the hubs, and the interface where one housing has several cameras."""
+CONTROL_VALUES = "a whole number, true, false, or the name of a choice in quotes"
+
+
+def _control_value(given: object) -> object:
+    """Return a value of a control.  One check of all types, so that an error names the control."""
+    whole = isinstance(given, int) and -(2**63) <= given < 2**63
+    if whole or (isinstance(given, str) and given):
+        return given
+    raise ValueError(f"must be {CONTROL_VALUES}")
+
+
+ControlSetting = Annotated[object, AfterValidator(_control_value)]
+"""A value of a control: bool, int or str."""
 
 
 class SurfaceSettings(Table):
@@ -77,6 +90,12 @@ class CameraSettings(Table):
         description="Number of rows used, from row_offset_px on. 0: all rows below it. An odd "
         "number of rows cannot be recorded.",
     )
+    controls: Mapping[str, ControlSetting] = Field(
+        default_factory=dict,
+        json_schema_extra={"allowed": "a table of names and values"},
+        description="What this camera needs set otherwise than all cameras; what is not named "
+        "here is as set there.",
+    )
 
     @field_validator("device")
     @classmethod
@@ -95,10 +114,29 @@ class CamerasSettings(Table):
     `units` maps names to cameras; of C1 to C4 those that are not given keep their defaults.
     """
 
-    source: Literal["v4l2", "simulated"] = Field(
+    source: Literal["v4l2", "opencv", "simulated"] = Field(
         "v4l2",
-        description="Where the pictures come from: real cameras, or a simulated rig that needs no "
-        "hardware (see [simulation]).",
+        description='Where the pictures come from. "v4l2": real cameras. "opencv": real cameras '
+        "that only OpenCV's VideoCapture can read; it sets no controls, chooses no format, does "
+        "not tell lost and damaged pictures from good ones, and a camera that stalls blocks it for "
+        'ten seconds. "simulated": a simulated rig that needs no hardware (see [simulation]).',
+    )
+    pixel_format: Literal[
+        "auto", "GREY", "Y10", "Y12", "Y14", "Y16", "Y10P", "Y12P", "YUYV", "UYVY", "NV12", "MJPG"
+    ] = Field(
+        "auto",
+        description='V4L2 format of the pictures. "auto" takes the first of GREY, Y10 to Y16, '
+        "YUYV and its like, MJPG that reaches rate_hz at this size; MJPG takes least of the USB "
+        "bus and most of the processor.",
+    )
+    controls: Mapping[str, ControlSetting] = Field(
+        default_factory=dict,
+        json_schema_extra={"allowed": "a table of names and values"},
+        description="Controls of all cameras, by the names that v4l2-ctl --list-ctrls shows. "
+        "Easiest as a table of its own, [cameras.controls], with lines like gain = 0; the choices "
+        "of a menu by number or name. They are set at every opening and read back. Automatic "
+        "exposure, gain, white balance and focus and the filter against flicker of the mains are "
+        "turned off unless they are named here.",
     )
     width_px: int = Field(
         640,
@@ -182,6 +220,11 @@ class CamerasSettings(Table):
             if name not in CAMERA_IDS:
                 raise ValueError(f"camera {name!r}: cameras are named C1 to C8")
         return units
+
+    def controls_of(self, camera_id: str) -> Mapping[str, bool | int | str]:
+        """Return what is to be set on one camera: its own controls over those of all."""
+        both = {**self.controls, **self.units[camera_id].controls}
+        return {name: value for name, value in both.items() if isinstance(value, bool | int | str)}
 
     @property
     def enabled_ids(self) -> tuple[str, ...]:

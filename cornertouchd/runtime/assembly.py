@@ -13,6 +13,7 @@ from cornertouchd.config import CameraSettings, DestinationSettings, Settings
 from cornertouchd.devices.camera_plug import DevicePlug
 from cornertouchd.devices.opencv_camera import OpenCvCameraPort
 from cornertouchd.devices.udp import UdpTuioSink, local_address
+from cornertouchd.devices.v4l2_camera import V4l2CameraPort
 from cornertouchd.model import PictureFormat
 from cornertouchd.places import state_directory
 from cornertouchd.ports import CameraPlug, CameraPort, Clock
@@ -49,15 +50,23 @@ def make_ports(settings: Settings, clock: Clock) -> tuple[CameraPort, ...]:
         return painted_ports(
             used, paints, clock, cameras.rate_hz, speed, f"simulated rig seed {seed}"
         )
-    return tuple(
-        OpenCvCameraPort(
-            camera_id,
-            cameras.units[camera_id].device,
-            picture_format(settings, cameras.units[camera_id]),
-            cameras.rate_hz,
-            clock.now_s,
-        )
-        for camera_id in cameras.enabled_ids
+    return tuple(_real_camera(settings, camera, clock) for camera in cameras.enabled_ids)
+
+
+def _real_camera(settings: Settings, camera_id: str, clock: Clock) -> CameraPort:
+    cameras = settings.cameras
+    device = cameras.units[camera_id].device
+    pictures = picture_format(settings, cameras.units[camera_id])
+    if cameras.source == "opencv":
+        return OpenCvCameraPort(camera_id, device, pictures, cameras.rate_hz, clock.now_s)
+    return V4l2CameraPort(
+        camera_id,
+        device,
+        pictures,
+        cameras.rate_hz,
+        clock.now_s,
+        cameras.pixel_format,
+        cameras.controls_of(camera_id),
     )
 
 

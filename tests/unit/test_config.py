@@ -102,6 +102,18 @@ class TestReading:
         cameras = read("[cameras.C2]\nenabled = false\n").cameras
         assert cameras.enabled_ids == ("C1", "C3", "C4")
 
+    def test_controls_of_a_camera_lie_over_those_of_all(self, read):
+        cameras = read(
+            "[cameras.controls]\ngain = 0\npower_line_frequency = '50 Hz'\n"
+            "[cameras.C3]\ncontrols = { gain = 8, strobe = true }\n"
+        ).cameras
+        assert cameras.controls_of("C1") == {"gain": 0, "power_line_frequency": "50 Hz"}
+        assert cameras.controls_of("C3") == {
+            "gain": 8,
+            "power_line_frequency": "50 Hz",
+            "strobe": True,
+        }
+
     def test_one_destination_without_any_and_none_on_request(self, read):
         assert read("").tuio.destinations == (DestinationSettings(),)
         assert read("[tuio]\ndestinations = []\n").tuio.destinations == ()

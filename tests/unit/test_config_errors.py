@@ -72,6 +72,16 @@ class TestErrors:
             f"[surface] width_mm = {shown}: must be a number from 100.0 to 10000.0 mm"
         ]
 
+    @pytest.mark.parametrize("table", ["cameras", "cameras.C2"])
+    def test_a_control_that_no_camera_takes_is_named(self, errors_of, table):
+        assert errors_of(f"[{table}.controls]\ngain = 1.5\nstrobe = true\nfocus = []\n") == [
+            f"[{table}.controls] {key} = {value}: must be a whole number, true, false, or the name "
+            "of a choice in quotes"
+            for key, value in (("gain", "1.5"), ("focus", "(an array)"))
+        ]
+        (line,) = errors_of(f"[{table}]\ncontrols = 7\n")
+        assert line == f"[{table}] controls = 7: must be a table of names and values"
+
     @pytest.mark.parametrize("value", ["45", "90.0", "false", '"90"'])
     def test_rotations_are_quarter_turns(self, errors_of, value):
         (line,) = errors_of(f"[[tuio.destinations]]\nrotation_deg = {value}\n")
