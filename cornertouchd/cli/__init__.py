@@ -14,6 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when a command import
 COMMANDS = {
     "bench": "Measure what this machine carries: microseconds per stage.",
     "calibrate": "Calibrate the cameras and save the result.",
+    "cameras": "Show what cameras there are and bind them to corners.",
     "demo": "Simulate a rig with moving fingers and send its touches as TUIO.",
     "listen": "Show the touches that a TUIO tracker sends, whichever it is.",
     "record": "Record the configured cameras into a directory until Ctrl-C.",
