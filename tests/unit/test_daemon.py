@@ -97,11 +97,28 @@ def calibration(rig: SimulatedRig) -> Calibration:
 Running = tuple[ListeningSink, dict[str, SimulatedCameraPort], Daemon]
 
 
+def one_finger(sink: ListeningSink) -> bool:
+    return len(sink.places) == 1 and all(
+        abs(x - FINGERS[0].x_mm) < 1.0 and abs(y - FINGERS[0].y_mm) < 1.0 for x, y in sink.places
+    )
+
+
 @pytest.fixture
-def running(rig: SimulatedRig, calibration: Calibration) -> Iterator[Running]:
+def fingers() -> list[Finger]:
+    """What touches now; tests take fingers away and put them back."""
+    return list(FINGERS)
+
+
+@pytest.fixture
+def running(
+    rig: SimulatedRig, calibration: Calibration, fingers: list[Finger]
+) -> Iterator[Running]:
     clock = MonotonicClock()
-    held = tuple(TimedFinger(str(k), finger) for k, finger in enumerate(FINGERS))
-    ports = rig_ports(rig, lambda _: held, clock, SETTINGS.cameras.rate_hz)
+
+    def held(_: float) -> tuple[TimedFinger, ...]:
+        return tuple(TimedFinger(k, finger) for k, finger in enumerate(list(fingers)))
+
+    ports = rig_ports(rig, held, clock, SETTINGS.cameras.rate_hz)
     sink = ListeningSink()
     daemon = Daemon(ports, calibration, [sink], SETTINGS, clock)
     daemon.start()
@@ -140,6 +157,24 @@ def test_two_of_four_cameras_tell_no_touches_rather_than_ghosts(running: Running
     sink.wait_until(lambda seen: seen.places == [])
     ports["C2"].fault = Fault.NONE
     sink.wait_until(both_fingers)
+    assert sink.most == 2
+
+
+def test_a_touch_that_is_alone_goes_on_with_two_cameras_of_one_side(
+    running: Running, fingers: list[Finger], caplog: pytest.LogCaptureFixture
+) -> None:
+    sink, ports, _ = running
+    with caplog.at_level(logging.WARNING):
+        ports["C3"].fault = ports["C4"].fault = Fault.UNPLUGGED
+        sink.wait_until(lambda seen: seen.places == [])
+        fingers.pop()
+        sink.wait_until(one_finger)
+        sink.wait_for_frames(10)
+        assert one_finger(sink)
+        fingers.append(FINGERS[1])  # where there could be ghosts, nothing is told
+        sink.wait_until(lambda seen: seen.places == [])
+        ports["C3"].fault = Fault.NONE
+        sink.wait_until(both_fingers)
     assert sink.most == 2
 
 
