@@ -7,8 +7,6 @@ from cornertouchd.calibration.calibration import LONGEST_IDENTITY
 from cornertouchd.devices.camera_places import PlaceError, device_path
 from cornertouchd.devices.usb_sysfs import SYSFS, read_attribute, usb_device_above, usb_kind
 
-__all__ = ["SYSFS", "camera_identity"]
-
 
 def camera_identity(device: str, sysfs: Path = SYSFS) -> str:
     """Return the identity of a video device or file, empty if there is no telling.

@@ -5,9 +5,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from cornertouchd.devices.camera_identity import SYSFS, camera_identity
+from cornertouchd.devices.camera_identity import camera_identity
+from cornertouchd.devices.camera_places import PlaceError, device_path
 from cornertouchd.devices.luma import LumaReader, RowReader
 from cornertouchd.devices.mjpeg import JPEG_FORMATS, mjpeg_reader
+from cornertouchd.devices.usb_sysfs import SYSFS
 from cornertouchd.devices.v4l2_choice import (
     AUTOMATIC,
     RATE_TOLERANCE,
@@ -45,7 +47,7 @@ class PictureCounts:
 
 
 class V4l2CameraPort:
-    """A video device by its path; `now_s` reads CLOCK_MONOTONIC, `sysfs` is mounted there.
+    """A video device by its path or place; `now_s` reads CLOCK_MONOTONIC, `sysfs` is mounted there.
 
     `pixel_format` is "auto" or the name of a V4L2 format; `controls` are set at every opening.
     """
@@ -81,7 +83,7 @@ class V4l2CameraPort:
     @property
     def identity(self) -> str:
         """What tells the camera that is plugged in now from others; empty if none is."""
-        return camera_identity(self._path(), self._sysfs)
+        return camera_identity(self._device, self._sysfs)
 
     @property
     def format(self) -> PictureFormat:
@@ -115,7 +117,10 @@ class V4l2CameraPort:
 
     def _path(self) -> str:
         """Return the node of the device now."""
-        return self._device
+        try:
+            return device_path(self._device, self._sysfs)
+        except PlaceError as error:
+            raise CameraError(self._id, str(error)) from error
 
     def _asked(self) -> str:
         """Return the pictures that are asked for, in words."""
