@@ -7,20 +7,14 @@ with another in some camera, but nearly all of them still show three edges of th
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import tanh
 
 import numpy as np
 
 from cornertouchd.fusion.crossed import Crossed, Predictions
-from cornertouchd.fusion.explanation import FIRST_EDGE, explain
+from cornertouchd.fusion.explanation import explain
 from cornertouchd.fusion.limits import DiscLimits
 from cornertouchd.model import Contact, DirectingLines
 
-# Fitted to 10 000 contacts in crowded scenes (15 on 350x400, hands, three cameras): of those with
-# margins about 0, 1, 3, 5, 7 and 10, the shares .59, .86, .84, .94, .99 and .99 were real.
-MARGIN_SCALE = 3.6
-# Without such a contact the shadows are explained as cheaply: nearly half of them are ghosts.
-LEAST_MARGIN = 0.05
 NO_PREDICTIONS = Predictions(np.empty((0, 3)), np.empty(0), np.empty(0), np.empty(0))
 
 
@@ -45,9 +39,8 @@ class EdgeCrossing:
         if len(directing_lines) < 2:
             return Crossed.nothing()
         expected = NO_PREDICTIONS if predictions is None else predictions
-        measured, counted = explain(
-            np.array([(one.x_mm, one.y_mm) for one in directing_lines], np.float64),
-            np.array([one.view_rad for one in directing_lines], np.float64),
+        measured, supports, counted, edges = explain(
+            np.array([(one.x_mm, one.y_mm, *one.view_rad) for one in directing_lines], np.float64),
             np.array([len(one.first_rad) for one in directing_lines], np.intp),
             np.concatenate([one.first_rad for one in directing_lines]),
             np.concatenate([one.last_rad for one in directing_lines]),
@@ -65,19 +58,15 @@ class EdgeCrossing:
             np.ascontiguousarray(expected.radius_variances_mm2),
             np.ascontiguousarray(expected.costs),
         )
-        believed = (measured[:, 4] >= LEAST_MARGIN) | (counted[:, 2] >= 0)
-        if not believed.all():
-            measured, counted = measured[believed], counted[believed]
         names = tuple(one.camera for one in directing_lines)
+        own_edges, cameras, predicted = counted
         contacts = tuple(
-            Contact(x, y, 2.0 * r, _named(names, cameras), tanh(margin / MARGIN_SCALE), sigma)
-            for (x, y, r, sigma, margin, _), (_, cameras, _) in zip(
-                measured.tolist(), counted[:, :FIRST_EDGE].tolist(), strict=True
+            Contact(x_mm, y_mm, diameter_mm, _named(names, seeing), confidence, sigma_mm)
+            for (x_mm, y_mm, diameter_mm, confidence, sigma_mm), seeing in zip(
+                measured.tolist(), cameras.tolist(), strict=True
             )
         )
-        supports = measured[:, 4] + measured[:, 5]
-        edges = counted[:, FIRST_EDGE:].reshape(len(contacts), len(names), 2)
-        return Crossed(contacts, supports, counted[:, 0], counted[:, 2], edges)
+        return Crossed(contacts, supports, own_edges, predicted, edges)
 
 
 @lru_cache(maxsize=256)

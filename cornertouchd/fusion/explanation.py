@@ -1,5 +1,7 @@
 """From shadows to the discs that explain them most cheaply: the whole of it, compiled."""
 
+from math import tanh
+
 import numpy as np
 
 from cornertouchd.compiling import compiled, inlined
@@ -31,8 +33,14 @@ from cornertouchd.fusion.rescue import (
 from cornertouchd.fusion.selection import Explanation, cheapest_explanation
 from cornertouchd.model import BoolArray, FloatArray
 
-FIRST_EDGE = 3
-"""The columns of what is counted of a contact that precede the edges which it owns."""
+# Fitted to 10 000 contacts in crowded scenes (15 on 350x400, hands, three cameras): of those with
+# margins about 0, 1, 3, 5, 7 and 10, the shares .59, .86, .84, .94, .99 and .99 were real.
+MARGIN_SCALE = 3.6
+# Without such a contact the shadows are explained as cheaply: nearly half of them are ghosts.
+LEAST_MARGIN = 0.05
+
+OWN_EDGES, CAMERAS, PREDICTION = range(3)
+"""Rows of what is counted of contacts."""
 
 FINGERS, PENS, MISSED = 0, 1, 2
 """What is sought, the later ones only when the earlier ones leave edges unexplained."""
@@ -60,37 +68,41 @@ def _contacts(
     pool: Pool,
     explanation: Explanation,
     refined: RefinedDiscs,
-) -> tuple[FloatArray, IntArray]:
+) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
     chosen = explanation.chosen
-    measured = np.empty((len(chosen), 6))
-    counted = np.full((len(chosen), FIRST_EDGE + 2 * len(first_of_camera)), -1, np.intp)
+    measured, supports = np.empty((len(chosen), 5)), np.empty(len(chosen))
+    counted = np.zeros((3, len(chosen)), np.intp)
+    edges = np.full((len(chosen), len(first_of_camera), 2), -1, np.intp)
+    count = 0
     for place in range(len(chosen)):
+        margin, prediction = explanation.margins[place], pool.prediction[chosen[place]]
+        if margin < LEAST_MARGIN and prediction < 0:
+            continue
         x, y, radius = row_of_three(refined.discs, place)
-        measured[place, 0] = min(max(x, 0.0), bounds.width_mm)
-        measured[place, 1] = min(max(y, 0.0), bounds.height_mm)
-        measured[place, 2] = radius
-        measured[place, 3] = refined.sigma_mm[place]
-        measured[place, 4] = explanation.margins[place]
-        measured[place, 5] = pool.own[chosen[place]]
-        counted[place, 0] = counted[place, 1] = 0
-        counted[place, 2] = pool.prediction[chosen[place]]
+        measured[count, 0] = min(max(x, 0.0), bounds.width_mm)
+        measured[count, 1] = min(max(y, 0.0), bounds.height_mm)
+        measured[count, 2] = 2.0 * radius
+        measured[count, 3] = tanh(margin / MARGIN_SCALE)
+        measured[count, 4] = refined.sigma_mm[place]
+        supports[count] = margin + pool.own[chosen[place]]
+        counted[PREDICTION, count] = prediction
         for row in range(refined.owned.shape[1]):
             if refined.owned[place, row]:
-                counted[place, 0] += 1
+                counted[OWN_EDGES, count] += 1
                 camera = seeing[row // 2]
-                counted[place, 1] |= 1 << camera
+                counted[CAMERAS, count] |= 1 << camera
                 shadow = kept[pool.shadows[chosen[place], row // 2]]
-                counted[place, FIRST_EDGE + 2 * camera + row % 2] = shadow - first_of_camera[camera]
-    return measured, counted
+                edges[count, camera, row % 2] = shadow - first_of_camera[camera]
+        count += 1
+    return measured[:count], supports[:count], counted[:, :count], edges[:count]
 
 
 @compiled(
-    "Tuple((f8[:,::1], i8[:,::1]))(f8[:,::1], f8[:,::1], i8[::1], f8[::1], f8[::1], b1[::1],"
-    " b1[::1], f8[::1], f8, f8, f8, f8, f8, f8, b1, f8[:,::1], f8[::1], f8[::1], f8[::1])"
+    "Tuple((f8[:,::1], f8[::1], i8[:,:], i8[:,:,::1]))(f8[:,::1], i8[::1], f8[::1], f8[::1],"
+    " b1[::1], b1[::1], f8[::1], f8, f8, f8, f8, f8, f8, b1, f8[:,::1], f8[::1], f8[::1], f8[::1])"
 )
 def explain(
-    positions_mm: FloatArray,
-    views_rad: FloatArray,
+    cameras: FloatArray,
     shadow_counts: IntArray,
     first_rad: FloatArray,
     last_rad: FloatArray,
@@ -108,19 +120,20 @@ def explain(
     position_variances_mm2: FloatArray,
     radius_variances_mm2: FloatArray,
     costs_of_predicted: FloatArray,
-) -> tuple[FloatArray, IntArray]:
-    """Return N contacts as two tables, (N, 6) and (N, 3 + 2 C).
+) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
+    """Return N contacts: what is measured (N, 5), supports (N,), counted (3, N), edges (N, C, 2).
 
-    The first holds x, y, r, the sigma of the position, the margin and the own cost; the second how
-    many edges a contact owns, the cameras of which it owns one, as bits, the number of the
-    prediction that it continues, or -1, and for first and last edge in each camera the shadow whose
-    it owns, or -1.  The arguments are those of `Sightings`, `DiscLimits` and
-    `Predictions`; `is_followed` tells whether touches are followed, though there may be none yet.
+    Measured are x, y, the diameter, the confidence, and the sigma of the position.  Counted are how
+    many edges a contact owns, the cameras of which it owns one, as bits, and the number of the
+    prediction that it continues, or -1; supports and edges are those of `Crossed`.  `cameras` (C,
+    4) holds x, y, and the first and the last angle of the view, the other arguments are those of
+    `Sightings`, `DiscLimits` and `Predictions`; `is_followed` tells whether touches are followed,
+    though there may be none yet.
     """
     rows, seeing, kept = edge_rows(
         Sightings(
-            positions_mm,
-            views_rad,
+            cameras[:, :2],
+            cameras[:, 2:],
             shadow_counts,
             first_rad,
             last_rad,
@@ -132,7 +145,12 @@ def explain(
         height_mm,
     )
     if len(seeing) < 2:
-        return np.empty((0, 6)), np.empty((0, FIRST_EDGE + 2 * len(shadow_counts)), np.intp)
+        return (
+            np.empty((0, 5)),
+            np.empty(0),
+            np.empty((3, 0), np.intp),
+            np.empty((0, len(shadow_counts), 2), np.intp),
+        )
     predicted = PredictedDiscs(
         predicted_discs, position_variances_mm2, radius_variances_mm2, costs_of_predicted
     )

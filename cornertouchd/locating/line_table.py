@@ -14,6 +14,8 @@ from cornertouchd.geometry import is_in_view
 from cornertouchd.locating.camera_model import CameraModel
 from cornertouchd.model import BoolArray, DirectingLines, FloatArray, Shadows
 
+IntArray = NDArray[np.intp]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineTable:
@@ -35,23 +37,21 @@ class LineTable:
         Where there is no line for an edge, the edge is not valid and the shadow reaches as far as
         there are lines.  A shadow without any line is left out.
         """
-        lines = np.empty((4, len(shadows)))
-        valid = np.empty((2, len(shadows)), np.bool_)
-        edges = np.empty((2, len(shadows)), np.intp)
-        count = _lay(shadows.edges_px, shadows.valid, self.angles_rad, lines, valid, edges)
-        first, centre, last, slopes = lines[:, :count]
+        first, centre, last, sigma, first_valid, last_valid, edges = _lay(
+            shadows.edges_px, shadows.valid, self.angles_rad, edge_sigma_px
+        )
         return DirectingLines(
             self.camera,
             self.x_mm,
             self.y_mm,
-            first_rad=first,
-            centre_rad=centre,
-            last_rad=last,
-            first_valid=valid[0, :count],
-            last_valid=valid[1, :count],
-            sigma_rad=slopes * edge_sigma_px,
-            view_rad=self.view_rad,
-            edges=edges[:, :count],
+            first,
+            centre,
+            last,
+            first_valid,
+            last_valid,
+            sigma,
+            self.view_rad,
+            edges,
         )
 
     def sees(self, x_mm: float, y_mm: float) -> bool:
@@ -86,20 +86,21 @@ def _angle(table: FloatArray, column: float) -> float:
     return float(table[below] + (column - below) * (table[below + 1] - table[below]))
 
 
-@compiled("i8(f8[:,::1], b1[:,::1], f8[::1], f8[:,::1], b1[:,::1], i8[:,::1])")
+@compiled(
+    "Tuple((f8[::1], f8[::1], f8[::1], f8[::1], b1[::1], b1[::1], i8[:,:]))"
+    "(f8[:,::1], b1[:,::1], f8[::1], f8)"
+)
 def _lay(
-    edges_px: FloatArray,
-    edge_valid: BoolArray,
-    table: FloatArray,
-    lines: FloatArray,
-    valid: BoolArray,
-    edges: NDArray[np.intp],
-) -> int:
-    """Fill in first, centre, last angle and slope (4, K), which ends are valid (2, K); count them.
+    edges_px: FloatArray, edge_valid: BoolArray, table: FloatArray, edge_sigma_px: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray, BoolArray, IntArray]:
+    """Return first, centre and last angle, sigma, and which ends are valid, all (K,).
 
     And which edges of the picture they are (2, K): a left one has twice the number of its shadow.
     Ordered by first angle; a camera that hangs upside down counts its columns against the angle.
     """
+    lines = np.empty((4, len(edges_px)))
+    valid = np.empty((2, len(edges_px)), np.bool_)
+    edges = np.empty((2, len(edges_px)), np.intp)
     count = 0
     for shadow in range(len(edges_px)):
         left, right = edges_px[shadow, 0], edges_px[shadow, 1]
@@ -134,8 +135,16 @@ def _lay(
             edges[0, place], edges[1, place] = edges[0, place - 1], edges[1, place - 1]
             place -= 1
         lines[0, place], lines[1, place] = first, _angle(table, centre)
-        lines[2, place], lines[3, place] = last, abs(slope)
+        lines[2, place], lines[3, place] = last, abs(slope) * edge_sigma_px
         valid[0, place], valid[1, place] = left_valid, right_valid
         edges[0, place], edges[1, place] = 2 * shadow + begins, 2 * shadow + 1 - begins
         count += 1
-    return count
+    return (
+        lines[0, :count],
+        lines[1, :count],
+        lines[2, :count],
+        lines[3, :count],
+        valid[0, :count],
+        valid[1, :count],
+        edges[:, :count],
+    )

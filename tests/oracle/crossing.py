@@ -11,11 +11,8 @@ import numpy as np
 
 from cornertouchd.fusion.costs import COST_OF_A_DISC, COST_OF_A_NEW_DISC
 from cornertouchd.fusion.crossed import Crossed, Predictions
-from cornertouchd.fusion.edge_crossing import (
-    LEAST_MARGIN,
-    MARGIN_SCALE,
-    NO_PREDICTIONS,
-)
+from cornertouchd.fusion.edge_crossing import NO_PREDICTIONS
+from cornertouchd.fusion.explanation import LEAST_MARGIN, MARGIN_SCALE
 from cornertouchd.fusion.limits import DiscLimits
 from cornertouchd.fusion.pool import SMALLEST_FINGER_RADIUS_MM
 from cornertouchd.fusion.predicted import COST_OF_A_MISSED_SHADOW

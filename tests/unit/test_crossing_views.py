@@ -19,7 +19,7 @@ from oracle.sight import (
 from cornertouchd.config import CrossingSettings
 from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.crossing import make_crossing
-from cornertouchd.fusion.edge_crossing import MARGIN_SCALE
+from cornertouchd.fusion.explanation import MARGIN_SCALE
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.locating.line_table import tabulate
 from cornertouchd.model import SEES_EVERYTHING, DirectingLines, Shadow, Shadows
