@@ -97,42 +97,48 @@ def device_path(device: str, sysfs: Path = SYSFS) -> str:
 
 def _node_at_port(given: str, sysfs: Path) -> str:
     port, _, interface = given.partition(":")
-    found = [
-        place
-        for place in camera_places(sysfs)
-        if place.usb is not None
-        and place.usb.port == port
-        and interface in {"", place.usb.interface}
-    ]
+    usb_device = usb_device_at(port, sysfs)
+    if usb_device is None:
+        raise PlaceError(f"no camera at USB port {given}; is it plugged in?")
+    nodes = _nodes_of(usb_device)
+    found = [node for node in nodes if interface in {"", _interface_of(node)}]
     if not found:
-        other = usb_device_at(port, sysfs)
         raise PlaceError(
-            f"no camera at USB port {given}; is it plugged in?"
-            if other is None
-            else f"what is plugged in at USB port {port} ({usb_kind(other)}) gives no pictures; "
+            f"what is plugged in at USB port {port} ({usb_kind(usb_device)}) gives no pictures; "
             "`cornertouchd cameras` shows where cameras are"
         )
     if len(found) > 1:
-        choices = ", ".join(f"port:{port}:{one.usb.interface}" for one in found if one.usb)
+        choices = ", ".join(f"port:{port}:{_interface_of(node)}" for node in found)
         raise PlaceError(f"USB port {port} has {len(found)} cameras; choose one of {choices}")
-    return found[0].node
+    return f"/dev/{found[0].name}"
 
 
 def _node_of_serial(serial: str, sysfs: Path) -> str:
     found = [
-        (place.node, place.usb.port)
-        for place in camera_places(sysfs)
-        if place.usb is not None and place.usb.serial == serial
+        (node.name, usb_device.name)
+        for usb_device in (sysfs / "bus" / "usb" / "devices").glob("*")
+        if read_attribute(usb_device / "serial") == serial
+        for node in _nodes_of(usb_device)
     ]
     if not found:
         raise PlaceError(f"no camera has the serial number {serial}; is it plugged in?")
     if len(found) > 1:
-        twins = ", ".join(f"port:{port} ({node})" for node, port in found)
+        twins = ", ".join(f"port:{port} (/dev/{name})" for name, port in sorted(found))
         raise PlaceError(
             f"{len(found)} cameras have the serial number {serial}; name the camera by its port "
             f"instead, one of {twins}"
         )
-    return found[0][0]
+    return f"/dev/{found[0][0]}"
+
+
+def _nodes_of(usb_device: Path) -> list[Path]:
+    """Return the nodes for pictures of one USB device, in order of their interfaces."""
+    nodes = sorted(usb_device.resolve().glob("*:*/video4linux/video*"))
+    return [node for node in nodes if read_attribute(node / "index") == "0"]
+
+
+def _interface_of(node: Path) -> str:
+    return (node / "device").resolve().name.partition(":")[2]
 
 
 def _picture_nodes(sysfs: Path) -> Iterator[Path]:
