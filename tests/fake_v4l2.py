@@ -1,7 +1,7 @@
 """A V4L2 driver in memory, behind the same system calls: what drivers do, and their faults.
 
-It is held to what real drivers do by tests/guest/test_v4l2_drivers.py, which asks the same of vivid
-and uvcvideo.
+It is held to what real drivers do by tests/guest/test_v4l2_drivers.py, which asks the same of
+vivid.
 """
 
 import ctypes
