@@ -119,6 +119,8 @@ def _build_image(modules: Path, image: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="kiosk-root-", dir=image.parent) as work:
         root = Path(work) / "root"
         _run(
+            # What it mounts is gone with it, even if it is killed.
+            *("unshare", "--mount"),
             *("mmdebstrap", "--variant=minbase", "--components=main", "--mode=root"),
             *("--aptopt=Acquire::Languages none", f"--include={','.join(PACKAGES)}"),
             *(f"--dpkgopt=path-exclude=/usr/share/{what}/*" for what in ("man", "doc", "locale")),
