@@ -13,8 +13,8 @@ from cornertouchd.wire.tuio_reader import TuioReader
 
 MAX_DATAGRAM_BYTES = 65536
 WAKE_S = 0.1
-LATE_S = 0.5
-"""A guest on a busy machine may be so late; a touch that lasts longer than its finger is stuck."""
+LATE_S = 1.5
+"""A guest on a busy machine was .8 s late; a touch that lasts longer than its finger is stuck."""
 STEP_S = 0.05
 """How often what a client shows is looked at."""
 

@@ -14,9 +14,7 @@ NEAR_MM = 5.0
 """With cameras missing or mad, a touch this far from any finger is one that is not there."""
 SETTLES_S = 1.0
 RECOVERS_S = 45.0
-"""OpenCV blocks ten seconds on a stall, and delays between attempts add up; see docs."""
-
-Act = Callable[[UvcRig], None]
+"""Delays between attempts to open a camera add up when the machine is busy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +54,7 @@ FAULTS = (
     Fault("pictures cut off", ("C4",), lambda rig, c: rig.short(c, 60), _nothing, 1.0),
     Fault("pictures marked bad", ("C1",), lambda rig, c: rig.err(c, 60), _nothing, 1.0),
     Fault("pictures of noise", ("C2",), UvcRig.noise, UvcRig.go),
-    Fault("pictures dark", ("C3",), UvcRig.dark, UvcRig.go),
+    Fault("pictures dark", ("C3",), UvcRig.dark, UvcRig.go, 6.0),
     Fault("two cables pulled", ("C1", "C2"), UvcRig.unplug, UvcRig.plug),
     Fault("all four cables pulled", CAMERAS, UvcRig.unplug, UvcRig.plug),
     Fault("all four send nothing", CAMERAS, UvcRig.stall, UvcRig.go),
@@ -92,11 +90,8 @@ def _in_trouble(daemon: RunningDaemon, since_s: float) -> set[str]:
     """Return the cameras that had a fault and have not said that it is over."""
     trouble: set[str] = set()
     for _, line in daemon.said_since(since_s):
-        found = re.search(r"camera (C\d): (.*)", line)
-        if not found:
-            continue
-        if found[2].startswith("works again"):
-            trouble.discard(found[1])
-        else:
-            trouble.add(found[1])
+        if over := re.search(r"camera (C\d): works again", line):
+            trouble.discard(over[1])
+        elif fault := re.search(r"ERROR camera (C\d): ", line):
+            trouble.add(fault[1])
     return trouble

@@ -75,3 +75,5 @@ class RunningDaemon:
             self.process.kill()
             self.process.wait()
             self._thread.join()
+            assert self.process.stderr is not None
+            self.process.stderr.close()
