@@ -30,6 +30,7 @@ SUITE = "python3 -m pytest -n 0 -p no:cacheprovider tests/guest/test_faults.py"
 SUITE_S = 900.0
 TITLES = ("fault", "cameras", "what the daemon said", "what the client saw", "seconds to recover")
 SAYS = re.compile(r"(?:ERROR|WARNING|INFO) (.*)")
+DEVICE = re.compile(r"/dev/v4l/by-id/\S+-index0")
 LONGEST_MESSAGE = 120
 A_MOMENT = 0.02
 """Less of the time without a touch is what landing takes, fault or not."""
@@ -73,7 +74,7 @@ def _row(episode: dict[str, Any]) -> list[str]:
         "all" if len(cameras) == 4 else ", ".join(cameras),
         _messages(episode["said"]),
         _client(episode),
-        f"{episode['recovered_s']:.1f}" if episode["said"] else "at once",
+        f"{episode['recovered_s']:.1f}" if episode["said"] else "not told",
     ]
 
 
@@ -83,7 +84,8 @@ def _messages(said: list[str]) -> str:
     for line in said:
         found = SAYS.search(line)
         if found:
-            kinds.setdefault(re.sub(r"\bC\d\b|\d+", "#", found[1]), _shortened(found[1]))
+            message = DEVICE.sub("its device", found[1])
+            kinds.setdefault(re.sub(r"\bC\d\b|\d+", "#", message), _shortened(message))
     return "; ".join(kinds.values()) or "nothing"
 
 
