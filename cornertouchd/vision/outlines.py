@@ -126,12 +126,12 @@ def _level_at_horizon(rows_px: FloatArray, strip: Strip) -> int:
     return int(np.argmin(off.mean(axis=1)))
 
 
-def _sampling(rows_px: FloatArray, lit: FloatArray, least: float) -> tuple[Columns, FloatArray]:
-    """Return how to sample the levels, level after level.
+def _sampling(rows_px: FloatArray, lit: FloatArray, least: float) -> tuple[Columns, Light]:
+    """Return how to sample the levels, column after column: edges run down few of them.
 
-    For each column there is the place of the pixel above the level (levels * width_px,), in the
-    pixels row after row; the share of the one below it, and 1 over the light of both (levels *
-    width_px, 2), NaN where the level tells nothing.
+    There is the place of the pixel above the level (width_px, levels), in the pixels row after row;
+    the share of the one below it, and 1 over the light of both (width_px, levels, 2), NaN where the
+    level tells nothing.
     """
     row = rows_px - 0.5
     inside = (row >= 0.0) & (row < len(lit) - 1)
@@ -144,7 +144,8 @@ def _sampling(rows_px: FloatArray, lit: FloatArray, least: float) -> tuple[Colum
     levels = np.full(light.shape, nan)
     np.divide(1.0, light, out=levels, where=inside & (light >= least))
     places = (first * width + columns).astype(np.int32)
-    return places.ravel(), np.stack([share.ravel(), levels.ravel()], axis=1)
+    sampling = np.stack([share.T, levels.T], axis=2)
+    return np.ascontiguousarray(places.T), np.ascontiguousarray(sampling, np.float32)
 
 
 def _waist_rows(strip: Strip, count: int) -> tuple[Columns, Columns]:
@@ -173,7 +174,7 @@ def _sample(
     count: int,
     level: int,
     places: Columns,
-    levels: FloatArray,
+    levels: Light,
     strip: FloatArray,
     values: FloatArray,
 ) -> None:
@@ -182,12 +183,12 @@ def _sample(
     for column in range(first, first + count):
         left = nan
         if 0 <= column < width:
-            at = level * width + column
-            place = places[at]
+            place = places[column, level]
+            share, inverse = levels[column, level, 0], levels[column, level, 1]
             here, there = float(pixels[place]), float(pixels[place + width])
             if max(here, there) < strip[column, FULL]:
-                grey = here + levels[at, 0] * (there - here)
-                left = (grey - strip[column, BLACK]) * levels[at, 1] * strip[column, NOW]
+                grey = here + share * (there - here)
+                left = (grey - strip[column, BLACK]) * inverse * strip[column, NOW]
         values[column - first] = left
 
 
@@ -234,7 +235,7 @@ def _follow_edge(
     rows_px: FloatArray,
     start: int,
     places: Columns,
-    levels: FloatArray,
+    levels: Light,
     strip: FloatArray,
     values: FloatArray,
     columns: FloatArray,
@@ -324,7 +325,7 @@ def _light_of_columns(
     "Tuple((f8[:,:,::1], f8[:,:,::1], f4[:,::1], i4[::1]))("
     "Array(u1, 2, 'C', readonly=True), f8[:,::1], b1[:,::1], f8[::1], "
     "f8[::1], f8[::1], b1[::1], b1[::1], f8[::1], f8, f8, f8, "
-    "f8[:,::1], i4[::1], f8[:,::1], i8, f4[:,::1], i4[::1], i8, i8)"
+    "f8[:,::1], i4[:,::1], f4[:,:,::1], i8, f4[:,::1], i4[::1], i8, i8)"
 )
 def _trace(
     picture: Picture,
@@ -341,7 +342,7 @@ def _trace(
     edge_level: float,
     rows_px: FloatArray,
     places: Columns,
-    levels: FloatArray,
+    levels: Light,
     start: int,
     waist: Light,
     waist_first: Columns,
