@@ -1,10 +1,14 @@
 """What the daemon needs from the world, as protocols; `devices` and `simulation` fill them."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from cornertouchd.errors import ReportedError
 from cornertouchd.model import Frame, PictureFormat, TouchFrame
+from cornertouchd.wire.ledframe import Request
+from cornertouchd.wire.ledframe_reports import ControllerStatus, Identity
+from cornertouchd.wire.ledframe_session import Light, Report
 
 
 class CameraError(ReportedError):
@@ -119,4 +123,70 @@ class Clock(Protocol):
 
     def sleep_until(self, time_s: float) -> None:
         """Return when `now_s()` has reached `time_s`."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LedFrameStatus:
+    """How the LED frame fares; `identity` and `controller` are None while it is not connected."""
+
+    identity: Identity | None = None
+    controller: ControllerStatus | None = None
+    connections: int = 0
+    bad_messages: int = 0
+
+
+class LedFrame(Protocol):
+    """The LED frame, while the daemon runs.  Methods return at once and never raise.
+
+    What is wanted is kept: it is sent when the frame is connected, and again after it was away or
+    has restarted.
+    """
+
+    @property
+    def status(self) -> LedFrameStatus:
+        """How it fares now.  Any thread may ask."""
+        ...
+
+    def configure(self, light: Light) -> None:
+        """Set levels, timing and pattern."""
+        ...
+
+    def arm(self) -> None:
+        """Shine, once configured."""
+        ...
+
+    def disarm(self) -> None:
+        """Be dark."""
+        ...
+
+    def ask(self, request: Request) -> None:
+        """Send a request once: self test, clearing of faults, restart.
+
+        Lost if the frame is not there; what comes of it is reported.
+        """
+        ...
+
+    def close(self) -> None:
+        """Switch the light off and give the port back; takes <= 1 s.  May be called twice."""
+        ...
+
+
+class LedFrameListener(Protocol):
+    """Who hears of the LED frame.  Called from its thread; must return soon."""
+
+    def __call__(self, report: Report, received_at_s: float) -> None:
+        """Take what the controller reported, and when it arrived (CLOCK_MONOTONIC)."""
+        ...
+
+
+class FaultReport(Protocol):
+    """Where faults go: logged once, counted after that, their end logged, too."""
+
+    def fault(self, kind: str, detail: object = "") -> None:
+        """Tell a fault."""
+        ...
+
+    def good(self) -> None:
+        """Tell that all is well, as often as it is."""
         ...
