@@ -1,20 +1,30 @@
 """Repeated faults are logged once, then counted, then their end is logged."""
 
 import logging
+import time
+from collections import deque
+from collections.abc import Callable
 
 GOOD_TO_RECOVER = 50
 """Half a second of pictures without a fault ends it; what comes and goes faster is one fault."""
+
+MOST_LINES, IN_S = 10, 60.0
+"""A loose plug can come and go every second for weeks: ten lines a minute tell as much about it as
+a hundred, and leave room in the journal for what else happens."""
 
 
 class FaultLog:
     """Speaks about the faults of one part of the daemon, `name`.  Used by one thread."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, now_s: Callable[[], float] = time.monotonic) -> None:
         self._log = logging.getLogger("cornertouchd")
         self._name = name
+        self._now_s = now_s
         self._last_kind = ""
         self._in_a_row = 0
         self._good_in_a_row = 0
+        self._told_at_s: deque[float] = deque(maxlen=MOST_LINES)
+        self._left_out = 0
         self.count = 0
 
     def fault(
@@ -29,8 +39,8 @@ class FaultLog:
         self._good_in_a_row = 0
         if kind != self._last_kind:
             self._last_kind = kind
-            text = f"{self._name}: {kind}" + (f": {detail}" if str(detail) else "")
-            self._log.error(text, exc_info=traceback_of)
+            text = kind + (f": {detail}" if str(detail) else "")
+            self._tell(logging.ERROR, text, traceback_of)
 
     def good(self) -> None:
         """Count that it worked; after enough of that, log that the faults are over."""
@@ -39,6 +49,25 @@ class FaultLog:
         self._good_in_a_row += 1
         if self._good_in_a_row >= GOOD_TO_RECOVER:
             faults = "1 fault" if self._in_a_row == 1 else f"{self._in_a_row} faults"
-            self._log.warning("%s: works again after %s", self._name, faults)
+            self._tell(logging.WARNING, f"works again after {faults}")
             self._in_a_row = 0
             self._last_kind = ""
+
+    def _tell(self, level: int, text: str, traceback_of: BaseException | None = None) -> None:
+        """Log a line, unless there were too many of late; the next one then says how many."""
+        now_s = self._now_s()
+        full = len(self._told_at_s) == MOST_LINES and now_s - self._told_at_s[0] < IN_S
+        if full:
+            if not self._left_out:
+                self._log.warning(
+                    "%s: more than %d messages within %g s; those that follow are counted only",
+                    self._name,
+                    MOST_LINES,
+                    IN_S,
+                )
+            self._left_out += 1
+            return
+        self._told_at_s.append(now_s)
+        counted = f" ({self._left_out} messages left out before)" if self._left_out else ""
+        self._left_out = 0
+        self._log.log(level, f"{self._name}: {text}{counted}", exc_info=traceback_of)
