@@ -9,6 +9,7 @@ from cornertouchd.config.rig import (
     SimulationSettings,
     SurfaceSettings,
 )
+from cornertouchd.config.running import RuntimeSettings
 from cornertouchd.config.settings import Settings
 from cornertouchd.config.stages import (
     BackgroundSettings,
@@ -37,6 +38,7 @@ __all__ = [
     "PairingSettings",
     "PaperCrossingSettings",
     "PaperVisionSettings",
+    "RuntimeSettings",
     "Settings",
     "SimulationSettings",
     "SurfaceSettings",

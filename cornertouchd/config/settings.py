@@ -12,6 +12,7 @@ from cornertouchd.config.rig import (
     SimulationSettings,
     SurfaceSettings,
 )
+from cornertouchd.config.running import RuntimeSettings
 from cornertouchd.config.stages import (
     BackgroundSettings,
     CrossingSettings,
@@ -41,6 +42,7 @@ class Settings(Table):
     touch_point: TouchPointSettings = TouchPointSettings()
     tracking: TrackingSettings = TrackingSettings()
     tuio: TuioSettings = TuioSettings()
+    runtime: RuntimeSettings = RuntimeSettings()
 
     @model_validator(mode="after")
     def _refuse_contradictions(self) -> Self:

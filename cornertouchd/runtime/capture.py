@@ -39,6 +39,15 @@ class CaptureCounts:
         return max(0, self.opened - 1)
 
 
+@dataclass(frozen=True, slots=True)
+class CaptureStages:
+    """What the pictures of one camera go through, and where the observations go."""
+
+    calibration: CameraCalibration
+    pipeline: CameraPipeline
+    box: Latest[Observation]
+
+
 class CaptureThread:
     """Reads one camera, as long as it is the one that was calibrated.
 
@@ -56,9 +65,7 @@ class CaptureThread:
         recovery: Recovery,
     ) -> None:
         self._port = port
-        self._calibration = calibration
-        self._pipeline = pipeline
-        self._box = box
+        self._wanted = CaptureStages(calibration, pipeline, box)
         self._settings = settings
         self._recovery = recovery
         self._reset_may_help = False
@@ -68,17 +75,30 @@ class CaptureThread:
         self._frames = 0
         self._opened = 0
         self._live = False
-        self._shift: StripShift | None = None
-        self._blind = pipeline.blind_columns  # whoever made the pipeline has told them
+        self._use(self._wanted)
 
     @property
     def camera(self) -> str:
         """Name of the camera."""
         return self._port.id
 
+    @property
+    def port(self) -> CameraPort:
+        """Where the camera is opened."""
+        return self._port
+
+    @property
+    def native_id(self) -> int | None:
+        """What the kernel calls the thread; None before it is started."""
+        return self._thread.native_id
+
     def start(self) -> None:
         """Begin to read."""
         self._thread.start()
+
+    def exchange(self, stages: CaptureStages) -> None:
+        """Send pictures through other stages from the next one on; the camera stays open."""
+        self._wanted = stages
 
     def stop(self) -> None:
         """Ask the thread to end; returns at once."""
@@ -125,8 +145,22 @@ class CaptureThread:
         finally:
             self._close(camera)
 
+    def _use(self, stages: CaptureStages) -> None:
+        self._stages = stages
+        self._calibration = stages.calibration
+        self._pipeline = stages.pipeline
+        self._box = stages.box
+        self._shift: StripShift | None = None
+        self._blind = stages.pipeline.blind_columns  # whoever made the pipeline has told them
+
+    def _follow_exchange(self) -> None:
+        wanted = self._wanted
+        if wanted is not self._stages:
+            self._use(wanted)
+
     def _is_calibrated(self) -> bool:
         """Tell whether the camera that was just opened fits; it may have been exchanged."""
+        self._follow_exchange()
         try:
             self._calibration.require_camera(self._port.format, self._port.identity)
         except CalibrationError as error:
@@ -158,6 +192,7 @@ class CaptureThread:
                     self._faults.fault(f"no picture for {self._settings.read_timeout_s:g} s")
 
     def _observe(self, frame: Frame) -> bool:
+        self._follow_exchange()
         lit = lighting(frame)
         if lit is Lighting.PARTLY:
             self._faults.fault("picture not usable", "only some sides of the frame were lit")

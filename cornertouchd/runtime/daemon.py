@@ -3,6 +3,7 @@
 import gc
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from cornertouchd.calibration.calibration import Calibration
@@ -13,9 +14,10 @@ from cornertouchd.fusion.pairing import FrameSetPairing
 from cornertouchd.model import Observation
 from cornertouchd.pipeline import CameraPipeline, SurfacePipeline
 from cornertouchd.ports import CameraPlug, CameraPort, Clock, TouchSink
-from cornertouchd.runtime.capture import CaptureCounts, CaptureThread
-from cornertouchd.runtime.fusing import FusionCounts, FusionThread
+from cornertouchd.runtime.capture import CaptureCounts, CaptureStages, CaptureThread
+from cornertouchd.runtime.fusing import FusionCounts, FusionStages, FusionThread
 from cornertouchd.runtime.latest import Latest
+from cornertouchd.runtime.realtime import prioritise
 from cornertouchd.runtime.recovery import Recovery
 from cornertouchd.vision.background import MaskedColumns
 from cornertouchd.vision.strip_shift import StripShift
@@ -26,6 +28,47 @@ NO_PLUGS: Mapping[str, CameraPlug] = MappingProxyType({})
 
 STOP_S = 0.8
 """Time that all threads together get to end; a driver that blocks longer is left behind."""
+
+
+@dataclass(frozen=True, slots=True)
+class DaemonStages:
+    """What a daemon works with under one configuration: the ports and all that is behind them."""
+
+    ports: Sequence[CameraPort]
+    captures: Mapping[str, CaptureStages]
+    fusion: FusionStages
+    settings: Settings
+    plugs: Mapping[str, CameraPlug]
+
+    def with_sinks(self, sinks: Sequence[TouchSink], settings: Settings) -> "DaemonStages":
+        """Return the same with other sinks: what has been learned and touches go on."""
+        return replace(self, fusion=replace(self.fusion, sinks=sinks), settings=settings)
+
+
+def make_stages(
+    ports: Sequence[CameraPort],
+    calibration: Calibration,
+    sinks: Sequence[TouchSink],
+    settings: Settings,
+    plugs: Mapping[str, CameraPlug] = NO_PLUGS,
+) -> DaemonStages:
+    """Return new stages; takes a while.
+
+    Raises `CalibrationError` if a camera does not fit the calibration.
+    """
+    box: Latest[Observation] = Latest()
+    captures = {}
+    for port in ports:
+        camera = calibration.camera(port.id)
+        camera.require_camera(port.format, port.identity)
+        captures[port.id] = CaptureStages(camera, CameraPipeline(camera, settings), box)
+    for camera_id, stages in captures.items():
+        for columns in stages.pipeline.blind_columns:
+            _log.warning("camera %s: %s", camera_id, columns)
+    pairing = FrameSetPairing([port.id for port in ports], settings.pairing)
+    surface = SurfacePipeline(calibration, settings)
+    fusion = FusionStages(box, pairing, surface, sinks, tuple(captures))
+    return DaemonStages(ports, captures, fusion, settings, plugs)
 
 
 class Daemon:
@@ -43,30 +86,15 @@ class Daemon:
         clock: Clock,
         plugs: Mapping[str, CameraPlug] = NO_PLUGS,
     ) -> None:
-        box: Latest[Observation] = Latest()
-        self._captures = []
-        self._pipelines: dict[str, CameraPipeline] = {}
-        for port in ports:
-            camera = calibration.camera(port.id)
-            camera.require_camera(port.format, port.identity)
-            pipeline = CameraPipeline(camera, settings)
-            for columns in pipeline.blind_columns:
-                _log.warning("camera %s: %s", port.id, columns)
-            self._pipelines[port.id] = pipeline
-            recovery = Recovery(port.id, plugs.get(port.id), settings.cameras, clock)
-            self._captures.append(
-                CaptureThread(port, camera, pipeline, box, settings.cameras, recovery)
-            )
-        self._fusion = FusionThread(
-            box,
-            FrameSetPairing([port.id for port in ports], settings.pairing),
-            SurfacePipeline(calibration, settings),
-            sinks,
-            clock,
-            [port.id for port in ports],
-            self._live_cameras,
-        )
+        self._stages = make_stages(ports, calibration, sinks, settings, plugs)
+        self._captures = [_make_capture(self._stages, port, clock) for port in ports]
+        self._fusion = FusionThread(self._stages.fusion, clock, self._live_cameras)
         self._clock = clock
+
+    @property
+    def stages(self) -> DaemonStages:
+        """What it works with at present."""
+        return self._stages
 
     def start(self) -> None:
         """Start all threads.
@@ -79,17 +107,51 @@ class Daemon:
         self._fusion.start()
         for capture in self._captures:
             capture.start()
+        self._prioritise([self._fusion, *self._captures])
+
+    def exchange(self, stages: DaemonStages) -> None:
+        """Change to other stages between two frame sets.
+
+        A camera whose port stays the same stays open; one that is new is opened when those that go
+        have been closed.  For one thread at a time, between `start` and `stop`.
+        """
+        gc.freeze()  # the new stages stay, as those of the start did
+        kept = [one for one in self._captures if one.port in stages.ports]
+        gone = [one for one in self._captures if one not in kept]
+        for capture in kept:
+            capture.exchange(stages.captures[capture.camera])
+        self._captures = kept  # the only ones that both pairings know
+        if not self._fusion.exchange(stages.fusion, STOP_S):
+            _log.warning("the fusion thread is busy; it follows the new configuration later")
+        for capture in gone:
+            capture.stop()
+        self._join(gone)
+        stay = {capture.camera: capture for capture in kept}
+        new = {port.id: _make_capture(stages, port, self._clock)
+            for port in stages.ports
+            if port.id not in stay}
+        for capture in new.values():
+            capture.start()
+        self._stages = stages
+        self._captures = [stay.get(port.id) or new[port.id] for port in stages.ports]
+        self._prioritise([self._fusion, *self._captures])
 
     def stop(self) -> None:
         """Stop all threads, touches lifted; takes under a second."""
         self._fusion.stop()
         for capture in self._captures:
             capture.stop()
-        until_s = self._clock.now_s() + STOP_S
-        self._fusion.join(STOP_S)
-        for capture in self._captures:
-            capture.join(max(0.0, until_s - self._clock.now_s()))
+        self._join([self._fusion, *self._captures])
         gc.unfreeze()
+
+    def _join(self, threads: Sequence[CaptureThread | FusionThread]) -> None:
+        until_s = self._clock.now_s() + STOP_S
+        for thread in threads:
+            thread.join(max(0.0, until_s - self._clock.now_s()))
+
+    def _prioritise(self, threads: Sequence[CaptureThread | FusionThread]) -> None:
+        ids = [thread.native_id for thread in threads if thread.native_id is not None]
+        prioritise(ids, self._stages.settings.runtime.realtime_priority)
 
     def camera_counts(self) -> Mapping[str, CaptureCounts]:
         """Return what happened to every camera so far."""
@@ -111,12 +173,22 @@ class Daemon:
 
     def masked_columns(self) -> Mapping[str, tuple[MaskedColumns, ...]]:
         """Return the columns of every camera that are blind now: dead LEDs, glare."""
-        return {camera: pipeline.masked_columns for camera, pipeline in self._pipelines.items()}
+        return {
+            camera: stages.pipeline.masked_columns
+            for camera, stages in self._stages.captures.items()
+        }
 
     def strip_shifts(self) -> Mapping[str, StripShift]:
         """Return the cameras whose strips are not where they were calibrated, and how far off."""
-        shifts = {camera: pipeline.strip_shift for camera, pipeline in self._pipelines.items()}
+        captures = self._stages.captures
+        shifts = {camera: stages.pipeline.strip_shift for camera, stages in captures.items()}
         return {camera: shift for camera, shift in shifts.items() if shift is not None}
 
     def _live_cameras(self) -> tuple[str, ...]:
         return tuple(capture.camera for capture in self._captures if capture.counts().live)
+
+
+def _make_capture(stages: DaemonStages, port: CameraPort, clock: Clock) -> CaptureThread:
+    used, settings = stages.captures[port.id], stages.settings.cameras
+    recovery = Recovery(port.id, stages.plugs.get(port.id), settings, clock)
+    return CaptureThread(port, used.calibration, used.pipeline, used.box, settings, recovery)

@@ -41,6 +41,19 @@ class FusionCounts:
     touches_now: int
     faults: int
     dropped: int
+    turns: int
+    """Of the loop, which turns without cameras too."""
+
+
+@dataclass(frozen=True, slots=True)
+class FusionStages:
+    """What the fusion thread works with; `cameras` are all that put something into the box."""
+
+    box: Latest[Observation]
+    pairing: FrameSetPairing
+    pipeline: SurfacePipeline
+    sinks: Sequence[TouchSink]
+    cameras: Sequence[str]
 
 
 class FusionThread:
@@ -52,23 +65,18 @@ class FusionThread:
 
     def __init__(
         self,
-        box: Latest[Observation],
-        pairing: FrameSetPairing,
-        pipeline: SurfacePipeline,
-        sinks: Sequence[TouchSink],
+        stages: FusionStages,
         clock: Clock,
-        cameras: Sequence[str],
         live_cameras: Callable[[], Sequence[str]],
     ) -> None:
-        self._box = box
-        self._pairing = pairing
-        self._pipeline = pipeline
-        self._sinks = sinks
+        self._all_cameras: Sequence[str] = ()
+        self._use(stages)
+        self._wanted = self._used = stages
         self._clock = clock
-        self._camera_count = len(cameras)
         self._live_cameras = live_cameras
         self._cameras: Sequence[str] = ()
-        self._roll = CameraRoll(cameras)
+        self._exchanged = threading.Event()
+        self._turns = 0
         self._stop = threading.Event()
         self._faults = FaultLog("fusion")
         self._pictures = FaultLog("frame sets")
@@ -93,6 +101,21 @@ class FusionThread:
         """Wait for the end."""
         self._thread.join(timeout_s)
 
+    def exchange(self, stages: FusionStages, timeout_s: float) -> bool:
+        """Work with other stages from the next frame set on; tell whether that began in time.
+
+        Touches go on if the pipeline stays the same, else they are lifted.  Sinks that are not
+        among the new ones are closed.  For one thread at a time.
+        """
+        self._exchanged.clear()
+        self._wanted = stages
+        return self._exchanged.wait(timeout_s)
+
+    @property
+    def native_id(self) -> int | None:
+        """What the kernel calls the thread; None before it is started."""
+        return self._thread.native_id
+
     def counts(self) -> FusionCounts:
         """Return what happened so far.  Any thread may ask."""
         return FusionCounts(
@@ -103,6 +126,7 @@ class FusionThread:
             self._touches_now,
             self._faults.count + self._drift_faults.count,
             self._dropped,
+            self._turns,
         )
 
     @property
@@ -120,15 +144,51 @@ class FusionThread:
             sink.lift_all(self._clock.now_s())
         while not self._stop.is_set():
             try:
-                self._step()
+                self._turn()
             except Exception as error:  # noqa: BLE001  a stage that raises costs its touches, no more
                 self._faults.fault("a frame set was lost", error, traceback_of=error)
                 self._lift(self._clock.now_s())
+            self._turns += 1
         for sink in self._sinks:
             sink.close()
 
-    def _step(self) -> None:
-        observations = self._box.take(self._longest_wait_s())
+    def _turn(self) -> None:
+        wanted = self._wanted
+        if wanted is self._used:
+            self._step(self._longest_wait_s())
+            return
+        try:
+            self._step(0.0)  # what the stages so far have been given is still theirs
+        finally:
+            self._used = wanted
+            self._change_to(wanted)
+
+    def _change_to(self, stages: FusionStages) -> None:
+        before = self._sinks
+        if stages.pipeline is not self._pipeline:
+            self._lift(self._clock.now_s())
+        self._use(stages)
+        self._cameras = ()  # the new pairing has not been told which live
+        self._exchanged.set()
+        for sink in before:
+            if sink not in stages.sinks:
+                sink.close()
+        for sink in stages.sinks:
+            if sink not in before:
+                sink.lift_all(self._clock.now_s())
+
+    def _use(self, stages: FusionStages) -> None:
+        self._box = stages.box
+        self._pairing = stages.pairing
+        self._pipeline = stages.pipeline
+        self._sinks = stages.sinks
+        if stages.cameras != self._all_cameras:
+            self._all_cameras = stages.cameras
+            self._roll = CameraRoll(stages.cameras)
+        self._dropped_in_box = sum(stages.box.dropped().values())
+
+    def _step(self, longest_wait_s: float) -> None:
+        observations = self._box.take(longest_wait_s)
         now_s = self._clock.now_s()
         self._follow_cameras(now_s)
         frame_sets = [
@@ -230,8 +290,9 @@ class FusionThread:
 
     def _fell_behind(self) -> bool:
         """Tell whether the box dropped anything since the last step."""
-        before, self._dropped = self._dropped, sum(self._box.dropped().values())
-        return self._dropped > before
+        before, self._dropped_in_box = self._dropped_in_box, sum(self._box.dropped().values())
+        self._dropped += self._dropped_in_box - before
+        return self._dropped_in_box > before
 
     def _is_partial(self, frame_set: FrameSet) -> bool:
         return len(frame_set.observations) < len(self._cameras)
@@ -243,7 +304,7 @@ class FusionThread:
         are missing that shadows cross without a third view to refuse ghosts; while just two are
         left, a touch that is alone is believed.
         """
-        if not is_worth_fusing(frame_set, self._camera_count) and not (
+        if not is_worth_fusing(frame_set, len(self._all_cameras)) and not (
             len(self._cameras) == CAMERAS_OF_A_SIDE and is_single_touch(frame_set)
         ):
             return False

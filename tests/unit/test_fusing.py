@@ -12,7 +12,7 @@ from cornertouchd.fusion.dirt import Dirt
 from cornertouchd.fusion.pairing import FrameSetPairing
 from cornertouchd.model import Contact, FrameSet, Observation, Shadow, Shadows, Touch, TouchFrame
 from cornertouchd.runtime.clock import MonotonicClock
-from cornertouchd.runtime.fusing import FusionCounts, FusionThread
+from cornertouchd.runtime.fusing import FusionCounts, FusionStages, FusionThread
 from cornertouchd.runtime.latest import Latest
 
 CAMERAS = ("C1", "C2", "C3", "C4")
@@ -81,15 +81,15 @@ class Bench:
         self.clock = MonotonicClock()
         self.live = CAMERAS
         self.thread = FusionThread(
-            self.box,
-            FrameSetPairing(CAMERAS, PairingSettings()),
-            self.surface,
-            [self.sink],
+            self.stages_with(self.surface, self.sink),
             self.clock,
-            CAMERAS,
             lambda: self.live,
         )
         self.thread.start()
+
+    def stages_with(self, surface: StubSurface, sink: RecordingSink) -> FusionStages:
+        pairing = FrameSetPairing(CAMERAS, PairingSettings())
+        return FusionStages(self.box, pairing, surface, [sink], CAMERAS)
 
     def wait_for_counts(self, reached: Callable[[FusionCounts], bool]) -> None:
         """Wait, from tick to tick, until the thread has counted so far."""
