@@ -1,0 +1,127 @@
+"""The daemon as a service: when it is ready, how it does, that it lives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cornertouchd.ports import Clock
+from cornertouchd.runtime.daemon import Daemon
+from cornertouchd.runtime.notify import ServiceManager
+
+READY_WITHIN_S = 10.0
+"""So long a start waits for cameras that are missing; a kiosk with three of four is of use."""
+
+FEEDS_PER_WATCHDOG = 4
+"""Feeds in the time that the watchdog waits: sd_watchdog_enabled(3) advises two, and a machine
+under load may be late with one."""
+
+STATUS_EVERY_S = 1.0
+LOOK_FOR_READY_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """How the daemon does: all its cameras, which of them are lost, what the others give."""
+
+    cameras: Sequence[str]
+    lost: Sequence[str]
+    frame_sets_per_s: float
+    touches: int
+
+    @property
+    def is_degraded(self) -> bool:
+        """Whether something is missing."""
+        return bool(self.lost) or not self.frame_sets_per_s
+
+    def __str__(self) -> str:
+        """Say it in one line."""
+        live = len(self.cameras) - len(self.lost)
+        said = (
+            f"{live} {'camera' if live == 1 else 'cameras'}, "
+            f"{self.frame_sets_per_s:.0f} frame sets/s, "
+            f"{self.touches} {'touch' if self.touches == 1 else 'touches'}"
+        )
+        if not self.is_degraded:
+            return said
+        what = f"{', '.join(self.lost)} lost" if self.lost else "cameras never see the same instant"
+        return f"degraded: {what}; {said}"
+
+
+class ServiceReport:
+    """Tells the service manager about a daemon.  `look` is to be called every `look_every_s`.
+
+    Ready is a daemon whose cameras are all there and whose frame sets flow, or that has waited for
+    them long enough.  The watchdog is fed while the loop of the fusion thread turns, which it does
+    without cameras too; by the thread that calls, so that it tells of that one as well.
+    """
+
+    def __init__(self, manager: ServiceManager, daemon: Daemon, clock: Clock) -> None:
+        self._manager = manager
+        self._daemon = daemon
+        self._clock = clock
+        self._started_at_s = self._counted_at_s = clock.now_s()
+        self._frame_sets = self._turns = 0
+        self._is_ready = False
+        self._told = ""
+        self._note = ""
+
+    @property
+    def look_every_s(self) -> float:
+        """Time between two looks."""
+        if not self._is_ready:
+            return LOOK_FOR_READY_S
+        if self._manager.watchdog_s is None:
+            return STATUS_EVERY_S
+        return min(STATUS_EVERY_S, self._manager.watchdog_s / FEEDS_PER_WATCHDOG)
+
+    def look(self) -> None:
+        """Feed the watchdog if the fusion thread has gone on; tell what has changed."""
+        self._feed_watchdog()
+        now_s = self._clock.now_s()
+        if not self._is_ready:
+            condition = self._condition(now_s, since_s=self._started_at_s)
+            if not condition.is_degraded or now_s - self._started_at_s >= READY_WITHIN_S:
+                self._is_ready = True
+                self._told = str(condition)
+                self._manager.ready(self._told)
+                self._count_from(now_s)
+        elif now_s - self._counted_at_s >= STATUS_EVERY_S:
+            self._tell(f"{self._condition(now_s, since_s=self._counted_at_s)}{self._note}")
+            self._count_from(now_s)
+
+    def reloading(self) -> None:
+        """Tell that the configuration is read again."""
+        if self._is_ready:
+            self._manager.reloading()
+
+    def reloaded(self, note: str = "") -> None:
+        """Tell that this is done; `note` is part of the status until the next time."""
+        self._note = f"; {note}" if note else ""
+        if self._is_ready:
+            self._told = f"{self._condition(self._clock.now_s(), self._counted_at_s)}{self._note}"
+            self._manager.ready(self._told)
+
+    def stopping(self) -> None:
+        """Tell that the daemon ends."""
+        self._manager.stopping()
+
+    def _feed_watchdog(self) -> None:
+        turns = self._daemon.fusion_counts().turns
+        if turns != self._turns:
+            self._turns = turns
+            self._manager.alive()
+
+    def _condition(self, now_s: float, since_s: float) -> Condition:
+        counts, cameras = self._daemon.fusion_counts(), self._daemon.camera_counts()
+        elapsed_s = max(now_s - since_s, LOOK_FOR_READY_S)
+        rate_hz = (counts.frame_sets - self._frame_sets) / elapsed_s
+        lost = [camera for camera, each in cameras.items() if not each.live]
+        return Condition(tuple(cameras), lost, rate_hz, counts.touches_now)
+
+    def _count_from(self, now_s: float) -> None:
+        self._counted_at_s = now_s
+        self._frame_sets = self._daemon.fusion_counts().frame_sets
+
+    def _tell(self, status: str) -> None:
+        if status != self._told:
+            self._told = status
+            self._manager.status(status)
