@@ -47,6 +47,11 @@ ANEW = "run `cornertouchd calibrate`"
 REMEDY = f"{ANEW}, or `cornertouchd calibrate --rollback` for the one before"
 
 
+def same_calibration(one: Calibration, other: Calibration) -> bool:
+    """Tell whether two calibrations would be saved as the same file."""
+    return one is other or seal(_to_file(one)) == seal(_to_file(other))
+
+
 def save_calibration(calibration: Calibration, path: Path) -> None:
     """Write the calibration atomically; one that stood there is kept as `NAME.previous`.
 

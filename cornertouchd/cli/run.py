@@ -1,23 +1,26 @@
 """`cornertouchd run`: the daemon."""
 
+import contextlib
 import logging
 import os
+import sys
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import click
 
-from cornertouchd.cli.working import config_name, work
-from cornertouchd.config import Settings, find_settings, read_settings
-from cornertouchd.runtime.assembly import (
-    find_calibration,
-    find_display,
-    make_plugs,
-    make_ports,
-    make_tuio_sink,
-)
+from cornertouchd.errors import ReportedError
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.daemon import Daemon
+from cornertouchd.runtime.notify import ServiceManager
+from cornertouchd.runtime.parts import Parts, make_parts
+from cornertouchd.runtime.reloading import Reload, ReloadSignal
+from cornertouchd.runtime.service import ServiceReport
 from cornertouchd.runtime.stop_signal import StopSignal
+
+HOLD_BACK_S = 10.0
+"""What only a person can mend is not tried again every second, which would fill the journal."""
 
 _log = logging.getLogger("cornertouchd")
 
@@ -31,26 +34,64 @@ _log = logging.getLogger("cornertouchd")
 )
 def run(config_file: Path | None) -> None:
     """Run the daemon: cameras in, TUIO out, until SIGINT or SIGTERM."""
-    path = find_settings(config_file, os.environ)
-    settings = read_settings(path) if path else Settings()
     clock = MonotonicClock()
-    calibration = find_calibration(settings, os.environ)
-    display = find_display(settings, os.environ)
-    with StopSignal() as stop:
-        ports = make_ports(settings, clock)
+    with (
+        contextlib.closing(ServiceManager(os.environ)) as manager,
+        StopSignal() as stop,
+        ReloadSignal() as hangup,
+        _told(manager, stop),
+    ):
+        manager.status("starting")
+        make = partial(make_parts, config_file, os.environ, clock)
+        parts = make()
         daemon = Daemon(
-            ports,
-            calibration,
-            [make_tuio_sink(settings, calibration.surface_mm, config_name(path), display)],
-            settings,
-            clock,
-            make_plugs(settings),
+            parts.ports, parts.calibration, parts.sinks, parts.settings, clock, parts.plugs
         )
-        _log.info(
-            "running: %d cameras, TUIO to %s",
-            len(ports),
-            ", ".join(f"{to.host}:{to.port}" for to in settings.tuio.destinations) or "nobody",
-        )
-        work(daemon, stop, None, lambda _: None)
-    counts = daemon.fusion_counts()
+        _log.info("running: %d cameras, TUIO to %s", len(parts.ports), _receivers(parts))
+        report = ServiceReport(manager, daemon, clock)
+        _serve(daemon, stop, hangup, Reload(daemon, parts, make), report)
+        counts = daemon.fusion_counts()
     _log.info("stopped: %d frame sets, %d touches", counts.frame_sets, counts.touches_begun)
+
+
+def _receivers(parts: Parts) -> str:
+    destinations = parts.settings.tuio.destinations
+    return ", ".join(f"{to.host}:{to.port}" for to in destinations) or "nobody"
+
+
+def _serve(
+    daemon: Daemon,
+    stop: StopSignal,
+    hangup: ReloadSignal,
+    reload: Reload,
+    report: ServiceReport,
+) -> None:
+    """Run the daemon until the signal comes; follow SIGHUP and tell the service manager."""
+    daemon.start()
+    try:
+        while not stop.wait(report.look_every_s):
+            if reload.is_under_way:
+                outcome = reload.finish()
+                if outcome is not None:
+                    report.reloaded("the last reload was refused" * (outcome == "refused"))
+            elif hangup.take():
+                report.reloading()
+                reload.begin()
+            report.look()
+    finally:
+        report.stopping()
+        daemon.stop()
+
+
+@contextlib.contextmanager
+def _told(manager: ServiceManager, stop: StopSignal) -> Iterator[None]:
+    """Tell the service manager what keeps the daemon from starting, and hold the next try back."""
+    try:
+        yield
+    except ReportedError as error:
+        if not manager.listens:
+            raise
+        _log.error("%s", error)
+        manager.status(f"does not start: {error}")
+        stop.wait(HOLD_BACK_S)
+        sys.exit(1)

@@ -127,9 +127,11 @@ class Daemon:
             capture.stop()
         self._join(gone)
         stay = {capture.camera: capture for capture in kept}
-        new = {port.id: _make_capture(stages, port, self._clock)
+        new = {
+            port.id: _make_capture(stages, port, self._clock)
             for port in stages.ports
-            if port.id not in stay}
+            if port.id not in stay
+        }
         for capture in new.values():
             capture.start()
         self._stages = stages
