@@ -1,8 +1,8 @@
 """Compile hot functions to machine code, once for each machine; `numba` does the work.
 
-What is compiled is kept in a cache directory where a service may write.  It is kept apart for
-every state of the sources, because numba itself does not see that a function in another file has
-changed.
+What is compiled is kept in a cache directory where a service may write, which begins as a copy of
+what was compiled when the package was installed, if it was.  It is kept apart for every state of
+the sources, because numba itself does not see that a function in another file has changed.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ from numba.core import event
 from numba.core.types import unliteral
 
 from cornertouchd.inlining import PartCompiler
-from cornertouchd.places import cache_directory
+from cornertouchd.places import cache_directory, installed_kernels
 
 FOLDERS = ("fusion", "locating", "vision")
 """Where compiled functions are."""
@@ -79,6 +79,11 @@ def inlined(function: F) -> F:
     return cast("F", made)
 
 
+def compiled_directory() -> Path:
+    """Return where this process keeps what it compiles."""
+    return Path(str(numba.config.CACHE_DIR))  # type: ignore[attr-defined]
+
+
 class _Announcement(event.Listener):
     """Says once that functions are being compiled: the first start takes its time."""
 
@@ -103,6 +108,7 @@ def _use_cache() -> None:
     try:
         if is_new:
             _drop_outdated(directory.parent)
+            is_new = not _copy_installed(directory)
         directory.mkdir(parents=True, exist_ok=True)
         kept = os.access(directory, os.W_OK)
     except OSError:
@@ -113,6 +119,28 @@ def _use_cache() -> None:
     numba.config.CACHE_DIR = str(directory)  # type: ignore[attr-defined]
     if is_new and kept and len(os.sched_getaffinity(0)) > 1:
         _compile_beside()
+
+
+def _copy_installed(directory: Path) -> bool:
+    """Start with what the installation has compiled for all, if it has; tell whether that is so.
+
+    numba only uses a cache that it may write to, and nobody may write to what others execute.
+    """
+    installed = installed_kernels(sys.prefix) / directory.name
+    if not installed.is_dir():
+        return False
+    copy = Path(tempfile.mkdtemp(prefix=f"{directory.name}.", dir=_made(directory.parent)))
+    shutil.copytree(installed, copy, dirs_exist_ok=True)
+    try:
+        copy.rename(directory)
+    except OSError:  # another process was quicker
+        shutil.rmtree(copy, ignore_errors=True)
+    return True
+
+
+def _made(directory: Path) -> Path:
+    directory.mkdir(parents=True, exist_ok=True)
+    return directory
 
 
 def _compile_beside() -> None:

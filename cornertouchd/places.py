@@ -25,6 +25,11 @@ def cache_directory(environ: Mapping[str, str]) -> Path:
     return _user_directory(environ, "XDG_CACHE_HOME", ".cache")
 
 
+def installed_kernels(prefix: str) -> Path:
+    """Return where an installation under `prefix` keeps what it has compiled for all users."""
+    return Path(prefix) / "compiled"
+
+
 def _user_directory(environ: Mapping[str, str], variable: str, otherwise: str) -> Path:
     base = environ.get(variable) or str(Path.home() / otherwise)
     return Path(base) / "cornertouchd"
