@@ -15,6 +15,7 @@ COMMANDS = {
     "bench": "Measure what this machine carries: microseconds per stage.",
     "calibrate": "Calibrate the cameras and save the result.",
     "cameras": "Show what cameras there are and bind them to corners.",
+    "check": "Look at everything that can be wrong, and say what to do.",
     "demo": "Simulate a rig with moving fingers and send its touches as TUIO.",
     "listen": "Show the touches that a TUIO tracker sends, whichever it is.",
     "record": "Record the configured cameras into a directory until Ctrl-C.",
