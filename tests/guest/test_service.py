@@ -1,0 +1,351 @@
+"""The daemon under systemd, in its unit as it is shipped: start, watchdog, crash, reload, sandbox.
+
+Its rig is the simulated one: what is looked at here is the unit, not the cameras.
+"""
+
+import contextlib
+import json
+import os
+import pwd
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from cornertouchd.wire.tuio_reader import TuioReader
+
+pytestmark = pytest.mark.systemd
+
+ROOT = Path(__file__).resolve().parents[2]
+UNIT = "cornertouchd.service"
+PROBE = "cornertouchd-probe.service"
+CONFIG = Path("/etc/cornertouchd/cornertouchd.toml")
+UNITS = Path("/run/systemd/system")
+CACHE = Path("/var/cache/cornertouchd")
+KERNELS = Path(os.environ.get("NUMBA_CACHE_DIR", "/host/compiled"))
+PATIENCE_S = 120.0
+"""The guest has a tenth of a machine's speed: what must come comes within this."""
+
+SIMULATED = """[cameras]
+source = "simulated"
+rate_hz = {rate_hz}
+[simulation]
+touches = 2
+[[tuio.destinations]]
+port = {port}
+"""
+
+
+def run(*command: str) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def shows(unit: str, *properties: str) -> list[str]:
+    shown = run("systemctl", "show", unit, f"--property={','.join(properties)}").splitlines()
+    values = dict(line.split("=", 1) for line in shown)
+    return [values[name] for name in properties]
+
+
+def wait_until(true: Callable[[], bool], what: str, unit: str = UNIT) -> float:
+    """Return how long it took."""
+    began_s = time.monotonic()
+    while not true():
+        if time.monotonic() - began_s > PATIENCE_S:
+            pytest.fail(f"{what}: not within {PATIENCE_S:g} s\n{journal(unit)}")
+        time.sleep(0.05)
+    return time.monotonic() - began_s
+
+
+def journal(unit: str = UNIT, *more: str) -> str:
+    run("journalctl", "--sync")
+    return run("journalctl", "-u", unit, "--no-pager", "-o", "cat", *more)
+
+
+def main_pid(unit: str = UNIT) -> int:
+    return int(shows(unit, "MainPID")[0])
+
+
+def is_ready(unit: str = UNIT) -> bool:
+    return shows(unit, "ActiveState", "SubState") == ["active", "running"]
+
+
+def write_config(path: Path = CONFIG, port: int = 3333, rate_hz: float = 10.0) -> None:
+    path.write_text(SIMULATED.format(port=port, rate_hz=rate_hz))
+
+
+class Listener:
+    """A TUIO client at a port."""
+
+    def __init__(self, port: int) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", port))
+        self._socket.settimeout(PATIENCE_S)
+
+    def wait_for_touches(self) -> None:
+        """Wait until a touch begins or moves, told after this call."""
+        self._socket.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while self._socket.recv(65536):
+                pass
+        self._socket.settimeout(PATIENCE_S)
+        reader = TuioReader()
+        while not reader.feed(self._socket.recv(65536), "service", 0.0):
+            pass
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+@pytest.fixture(scope="module")
+def installed() -> None:
+    """What the package installs, from the checkout."""
+    program = Path("/usr/bin/cornertouchd")
+    if not program.exists():
+        run("env", "PYTHONPYCACHEPREFIX=/opt/pyc", sys.executable, "-m", "compileall", "-q",
+            str(ROOT / "cornertouchd"))  # fmt: skip
+        program.write_text(
+            "#!/bin/sh\nexport PYTHONPATH=/host/checkout:/host/site PYTHONPYCACHEPREFIX=/opt/pyc\n"
+            f'exec {sys.executable} -m cornertouchd "$@"\n'
+        )
+        program.chmod(0o755)
+        for unit in (ROOT / "systemd").glob("*.service"):
+            shutil.copy(unit, UNITS)
+        rules = Path("/run/udev/rules.d")
+        rules.mkdir(parents=True, exist_ok=True)
+        run("systemd-sysusers", str(ROOT / "systemd" / "cornertouchd.sysusers"))
+        shutil.copy(ROOT / "systemd" / "60-cornertouchd.rules", rules)
+        run("systemd-tmpfiles", "--create", str(ROOT / "systemd" / "cornertouchd.tmpfiles"))
+        run("udevadm", "control", "--reload")
+        CONFIG.parent.mkdir(exist_ok=True)
+    if KERNELS.is_dir():
+        shutil.copytree(KERNELS, CACHE, dirs_exist_ok=True)
+    run("chown", "-R", "cornertouchd:cornertouchd", str(CACHE))
+    run("systemctl", "daemon-reload")
+
+
+@pytest.fixture(scope="module")
+def service(installed: None) -> Iterator[str]:
+    """The service, ready."""
+    write_config()
+    began_s = time.monotonic()
+    run("systemctl", "start", UNIT)
+    print(f"\n  first start: ready after {time.monotonic() - began_s:.1f} s")
+    yield UNIT
+    run("systemctl", "stop", UNIT)
+
+
+@pytest.fixture
+def client(service: str) -> Iterator[Listener]:
+    listener = Listener(3333)
+    yield listener
+    listener.close()
+
+
+def test_start_returns_when_frame_sets_flow(service: str, client: Listener) -> None:
+    assert is_ready()
+    client.wait_for_touches()
+    wait_until(
+        lambda: bool(re.search(r"^4 cameras, \d+ frame sets/s, \d", shows(UNIT, "StatusText")[0])),
+        "a status",
+    )
+
+
+def test_it_is_a_user_of_its_own_without_capabilities(service: str) -> None:
+    status = Path(f"/proc/{main_pid()}/status").read_text()
+    uid = pwd.getpwnam("cornertouchd").pw_uid
+    assert re.search(rf"^Uid:\s+{uid}\s+{uid}", status, re.MULTILINE)
+    assert set(re.findall(r"^Cap(?:Prm|Eff|Bnd|Amb):\s+(\w+)", status, re.MULTILINE)) == {"0" * 16}
+    assert re.search(r"^NoNewPrivs:\s+1", status, re.MULTILINE)
+    assert re.search(r"^Seccomp:\s+2", status, re.MULTILINE)
+
+
+def test_capture_and_fusion_have_real_time_priority_and_no_other_thread(service: str) -> None:
+    priorities = {}
+    for task in Path(f"/proc/{main_pid()}/task").iterdir():
+        if os.sched_getscheduler(int(task.name)) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO:
+            priorities[int(task.name)] = os.sched_getparam(int(task.name)).sched_priority
+    assert list(priorities.values()) == [10] * 5
+    assert main_pid() not in priorities
+
+
+def test_the_memory_stays_far_below_the_limit(service: str) -> None:
+    peak_bytes = max(
+        int(Path("/sys/fs/cgroup/system.slice", UNIT, "memory.current").read_text()), 1
+    )
+    (limit,) = shows(UNIT, "MemoryMax")
+    print(f"\n  memory: {peak_bytes >> 20} MiB of {int(limit) >> 20}")
+    assert peak_bytes < int(limit) / 1.5
+
+
+def test_a_daemon_that_hangs_is_aborted_and_returns(service: str, client: Listener) -> None:
+    pid = main_pid()
+    (restarts,) = shows(UNIT, "NRestarts")
+    os.kill(pid, signal.SIGSTOP)
+    took_s = wait_until(lambda: is_ready() and main_pid() != pid, "a new daemon")
+    print(f"\n  SIGSTOP: ready again after {took_s:.1f} s")
+    assert int(shows(UNIT, "NRestarts")[0]) == int(restarts) + 1
+    assert "Watchdog timeout" in journal()
+    assert "most recent call first" in journal()  # the stacks of what hung
+    client.wait_for_touches()
+
+
+def test_a_daemon_that_is_killed_returns(service: str, client: Listener) -> None:
+    pid = main_pid()
+    os.kill(pid, signal.SIGKILL)
+    took_s = wait_until(lambda: is_ready() and main_pid() not in {0, pid}, "a new daemon")
+    print(f"\n  SIGKILL: ready again after {took_s:.1f} s")
+    client.wait_for_touches()
+
+
+def test_a_good_configuration_is_followed_without_a_restart(service: str, client: Listener) -> None:
+    pid = main_pid()
+    other = Listener(3334)
+    write_config(port=3334)
+    run("systemctl", "reload", UNIT)
+    other.wait_for_touches()
+    wait_until(lambda: "reloaded: 4 of 4 cameras stayed open, touches go on" in journal(), "a line")
+    write_config(port=3333)
+    run("systemctl", "reload", UNIT)
+    client.wait_for_touches()
+    other.close()
+    assert main_pid() == pid
+    assert is_ready()
+
+
+def test_a_bad_configuration_is_refused_and_the_former_goes_on(
+    service: str, client: Listener
+) -> None:
+    pid = main_pid()
+    CONFIG.write_text("[cameras]\nrate_hz = -1\n")
+    run("systemctl", "reload", UNIT)
+    wait_until(lambda: "refused" in shows(UNIT, "StatusText")[0], "a refusal in the status")
+    errors = journal(UNIT, "-p", "err", "-n", "1")
+    assert "reload refused, the former configuration goes on" in errors
+    assert "rate_hz = -1: must be a number" in errors
+    client.wait_for_touches()
+    write_config()
+    run("systemctl", "reload", UNIT)
+    wait_until(lambda: is_ready() and "refused" not in shows(UNIT, "StatusText")[0], "a recovery")
+    assert main_pid() == pid
+
+
+def test_several_surfaces_have_files_of_their_own(service: str) -> None:
+    write_config(CONFIG.with_name("left.toml"), port=3335)
+    unit = "cornertouchd@left.service"
+    run("systemctl", "start", unit)
+    assert is_ready(unit)
+    assert is_ready()
+    assert Path("/var/lib/cornertouchd/left").owner() == "cornertouchd"
+    run("systemctl", "stop", unit)
+
+
+def test_a_configuration_that_cannot_be_used_is_told_and_not_tried_in_haste(
+    service: str,
+) -> None:
+    CONFIG.with_name("right.toml").write_text("[camera]\n")
+    unit = "cornertouchd@right.service"
+    run("systemctl", "start", "--no-block", unit)
+    wait_until(
+        lambda: "does not start" in shows(unit, "StatusText")[0], "why it does not start", unit
+    )
+    run("systemctl", "stop", unit)
+    assert journal(unit).count("unknown key") == 1
+
+
+def test_the_exposure_is_small(service: str) -> None:
+    told = run("systemd-analyze", "security", "--no-pager", UNIT)
+    exposure = re.search(r"Overall exposure level for \S+: ([\d.]+)", told)
+    assert exposure is not None
+    print(f"\n  {exposure[0]}")
+    assert float(exposure[1]) <= 2.0
+
+
+TRIES = """
+import json, os, socket, sys
+def tried(what):
+    try:
+        what()
+    except OSError as error:
+        return error.strerror
+    return "done"
+def opened(path, flags=os.O_RDWR):
+    return tried(lambda: os.close(os.open(path, flags)))
+def written(path):
+    return tried(lambda: open(path, "w").close())
+report = {path: opened(path) for path in sys.argv[1:]}
+for path in ("/etc/x", "/usr/x", "/root/x", "/sys/kernel/x", "/var/lib/cornertouchd/x",
+             "/var/cache/cornertouchd/x", "/run/cornertouchd/x"):
+    report[path] = written(path)
+authorized = os.environ.get("AUTHORIZED")
+if authorized:
+    report["authorized"] = opened(authorized, os.O_WRONLY)
+report["packet socket"] = tried(lambda: socket.socket(socket.AF_PACKET, socket.SOCK_RAW))
+report["fifo 20"] = tried(lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20)))
+report["fifo 21"] = tried(lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(21)))
+report["set group"] = tried(lambda: os.setgid(0))
+print("report", json.dumps(report))
+"""
+
+
+@pytest.fixture(scope="module")
+def sandbox(installed: None) -> dict[str, str]:
+    """What a program in the unit, in place of the daemon, may do."""
+    subprocess.run(["modprobe", "vivid", "n_devs=1"], check=False)
+    subprocess.run(["modprobe", "uinput"], check=False)
+    run("udevadm", "trigger")
+    run("udevadm", "settle")
+    Path("/opt/tries.py").write_text(TRIES)
+    nodes = ["/dev/video0", "/dev/uinput", "/dev/kmsg", "/dev/mem", "/dev/ubda", "/dev/null"]
+    unit = (ROOT / "systemd" / UNIT).read_text()
+    unit = re.sub(
+        r"ExecStart=.*", f"ExecStart={sys.executable} /opt/tries.py {' '.join(nodes)}", unit
+    )
+    unit = re.sub(r"Type=notify|WatchdogSec=.*|Restart=always", "", unit)
+    (UNITS / PROBE).write_text(unit.replace("[Service]", "[Service]\nType=oneshot"))
+    run("systemctl", "daemon-reload")
+    run("systemctl", "start", PROBE)
+    (told,) = re.findall(r"^report (.*)$", journal(PROBE), re.MULTILINE)
+    report: dict[str, str] = json.loads(told)
+    print("\n ", report)
+    return report
+
+
+@pytest.mark.parametrize("device", ["/dev/video0", "/dev/uinput", "/dev/null"])
+def test_its_own_devices_can_be_opened(sandbox: dict[str, str], device: str) -> None:
+    assert sandbox[device] == "done"
+
+
+@pytest.mark.parametrize("device", ["/dev/kmsg", "/dev/ubda"])
+def test_other_devices_are_refused(sandbox: dict[str, str], device: str) -> None:
+    assert sandbox[device] in {"Operation not permitted", "Permission denied"}
+
+
+@pytest.mark.parametrize(
+    "place", ["/var/lib/cornertouchd/x", "/var/cache/cornertouchd/x", "/run/cornertouchd/x"]
+)
+def test_its_own_directories_can_be_written(sandbox: dict[str, str], place: str) -> None:
+    assert sandbox[place] == "done"
+
+
+@pytest.mark.parametrize("place", ["/etc/x", "/usr/x", "/root/x", "/sys/kernel/x"])
+def test_the_system_cannot_be_written(sandbox: dict[str, str], place: str) -> None:
+    assert sandbox[place] != "done"
+
+
+def test_priority_is_granted_up_to_its_limit_only(sandbox: dict[str, str]) -> None:
+    assert sandbox["fifo 20"] == "done"
+    assert sandbox["fifo 21"] == "Operation not permitted"
+
+
+@pytest.mark.parametrize("what", ["packet socket", "set group"])
+def test_what_it_does_not_need_is_refused(sandbox: dict[str, str], what: str) -> None:
+    assert sandbox[what] != "done"
