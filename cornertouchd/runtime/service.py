@@ -106,7 +106,7 @@ class ServiceReport:
 
     def _feed_watchdog(self) -> None:
         turns = self._daemon.fusion_counts().turns
-        if turns != self._turns:
+        if turns != self._turns and self._manager.watchdog_s is not None:
             self._turns = turns
             self._manager.alive()
 
