@@ -21,12 +21,6 @@ def camera_identity(device: str, sysfs: Path = SYSFS) -> str:
         return ""
 
 
-def usb_device_of(device: str, sysfs: Path = SYSFS) -> Path | None:
-    """Return the USB device of a video node in sysfs, None if it is not there or not on USB."""
-    node = sysfs / "class" / "video4linux" / Path(device).resolve().name
-    return _usb_device(node) if node.exists() else None
-
-
 def _identity(device: str, sysfs: Path) -> str:
     if not device.startswith("/dev/"):
         return f"file {Path(device).name}"

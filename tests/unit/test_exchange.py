@@ -10,7 +10,13 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from cornertouchd.calibration.calibration import Calibration
-from cornertouchd.config import CamerasSettings, RuntimeSettings, Settings, TrackingSettings
+from cornertouchd.config import (
+    CamerasSettings,
+    PairingSettings,
+    RuntimeSettings,
+    Settings,
+    TrackingSettings,
+)
 from cornertouchd.model import Frame, PictureFormat, TouchFrame
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.daemon import Daemon, DaemonStages, make_stages
@@ -22,6 +28,7 @@ PATIENCE_S = 30.0
 FINGER = Finger(120.0, 150.0, 11.0)
 SETTINGS = Settings(
     cameras=CamerasSettings(source="simulated", read_timeout_s=3.0),
+    pairing=PairingSettings(deadline_ms=1000.0),  # a busy machine is slow, not wrong
     runtime=RuntimeSettings(realtime_priority=0),
 )
 OTHERWISE_TRACKED = SETTINGS.model_copy(update={"tracking": TrackingSettings(smoothing=False)})

@@ -39,7 +39,7 @@ class FakeDaemon:
         self.counts = NOTHING
 
     def camera_counts(self) -> dict[str, CaptureCounts]:
-        return {camera: CaptureCounts(0, 0, 1, camera in self.live) for camera in ALL}
+        return {camera: CaptureCounts(0, 0, 1, camera in self.live, 0) for camera in ALL}
 
     def fusion_counts(self) -> FusionCounts:
         return self.counts

@@ -5,7 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from cornertouchd.calibration.calibration import CalibrationError, CameraCalibration
-from cornertouchd.devices.camera_identity import usb_device_of
+from cornertouchd.devices.camera_places import PlaceError, device_path
+from cornertouchd.devices.usb_sysfs import usb_device_above
 from cornertouchd.guiding.checking import InForce, check_camera
 from cornertouchd.guiding.finding import Finding, doubtful, well, wrong
 from cornertouchd.model import Frame
@@ -118,7 +119,7 @@ def _suspended(installation: Installation) -> Iterator[Finding]:
     """Yield the cameras that the kernel may put to sleep."""
     for camera_id in installation.settings.cameras.enabled_ids:
         device = installation.settings.cameras.units[camera_id].device
-        usb = usb_device_of(device, installation.sysfs)
+        usb = _usb_device(device, installation.sysfs)
         control = None if usb is None else usb / "power" / "control"
         if control is not None and _text(control) == "auto":
             yield doubtful(
@@ -126,6 +127,16 @@ def _suspended(installation: Installation) -> Iterator[Finding]:
                 "may be suspended to save power, and then comes late or not at all",
                 f"install systemd/60-cornertouchd.rules, or echo on > {control}",
             )
+
+
+def _usb_device(device: str, sysfs: Path) -> Path | None:
+    """Return the USB device of a camera in sysfs, None if it is not there or not on USB."""
+    try:
+        node = Path(device_path(device, sysfs)).resolve().name
+    except PlaceError:  # another finding tells it
+        return None
+    video = sysfs / "class" / "video4linux" / node
+    return usb_device_above(video) if video.exists() else None
 
 
 def _text(path: Path) -> str:
