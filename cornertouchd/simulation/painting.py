@@ -4,6 +4,7 @@ Painting takes as long as the daemon's own work on a picture; in the same proces
 for each other, and the daemon would look slower than it is.
 """
 
+import atexit
 import multiprocessing
 import signal
 from collections.abc import Callable, Sequence
@@ -55,11 +56,13 @@ class PaintingProcess:
         self._ready: set[str] = set()
         self._process = context.Process(target=_serve, args=(make, theirs), daemon=True)
         self._process.start()
+        atexit.register(self.end)  # else multiprocessing would wait for it at the end
         for _, end in theirs:
             end.close()
 
     def end(self) -> None:
         """End the process; the cameras are lost then."""
+        atexit.unregister(self.end)
         self._process.kill()  # it heeds no other signal
         self._process.join()
 
