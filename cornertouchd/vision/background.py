@@ -44,6 +44,10 @@ LIGHT_FROM_OUTSIDE = 1.3
 
 LESS_LIGHT = "lower the exposure, shade the sun, or let the LED frame send dark frames"
 MEND_THE_LED = "replace the LED, or take away what covers it"
+UNCOVER_THE_LENS = "uncover the lens, and see whether the LED frame shines and the exposure is set"
+
+SHARE_OF_A_COVER = 0.9
+"""One shadow without ends over more of the strip than this: no hand, but a lens that is covered."""
 
 LARGEST_SHARE_IN_THE_DARK = 0.75
 """Of the lit strip's light over the former darkness; more is the strip itself, in spite of what the
@@ -97,6 +101,7 @@ class Background:
         self._learned_at_s: float | None = None
         self._dark_at_s: float | None = None
         self._known = self._reference.usable
+        self._covered = False
 
     def look(self, picture: Picture, captured_at_s: float) -> Sight:
         """Return what a picture (rows, width_px) shows, measured against the strip as it is now.
@@ -113,6 +118,7 @@ class Background:
             hiding=self._reference.on_strip,
         )
         self._known = measured.profile.known
+        self._covered = _is_cover(shadows, int(np.count_nonzero(self._reference.on_strip)))
         return Sight(captured_at_s, measured, shadows)
 
     def learn(self, sight: Sight) -> None:
@@ -179,7 +185,9 @@ class Background:
         """
         reference, known = self._reference, self._known
         strip = reference.on_strip
-        ends = np.flatnonzero(strip)[[0, -1]]
+        ends = np.flatnonzero(strip)[[0, -1]].tolist()
+        if self._covered:
+            return (MaskedColumns(ends[0], ends[1], "all of the strip is dark", UNCOVER_THE_LENS),)
         usual = max(float(np.median(reference.light[strip])), 1.0)
         dim = [
             MaskedColumns(
@@ -226,6 +234,14 @@ def _runs(chosen: BoolArray) -> list[tuple[int, int]]:
         for start, stop in zip(starts, stops, strict=True)
         if stop - start >= FEWEST_MASKED
     ]
+
+
+def _is_cover(shadows: Shadows, strip_px: int) -> bool:
+    """Tell whether one shadow without valid edges takes nearly all columns of the strip."""
+    if len(shadows) != 1 or shadows.valid.any():
+        return False
+    left_px, right_px = shadows.edges_px[0]
+    return bool(right_px - left_px > SHARE_OF_A_COVER * strip_px and shadows.depth[0] > 0.0)
 
 
 def _how_dim(shares: FloatArray) -> str:

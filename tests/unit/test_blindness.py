@@ -120,3 +120,34 @@ def test_a_camera_says_what_the_sun_takes_from_it(
                 "at full scale, by light from outside; lower the exposure, shade the sun, or let "
                 "the LED frame send dark frames"
             )
+
+
+@pytest.mark.parametrize("share", [1 / 64, 1 / 20])
+def test_a_camera_whose_lens_is_covered_says_so(
+    camera: tuple[CameraPipeline, FloatArray], share: float
+) -> None:
+    pipeline, empty = camera
+    for index in range(200):
+        light = share if index < 100 else 1.0
+        pixels = np.rint(empty * light).astype(np.uint8)
+        frame = Frame("C1", index, 0.1 * index, None, pixels)
+        pipeline.observe(frame)
+        blind = pipeline.find_blind_columns(frame)
+        if index == 99:
+            assert [str(one).partition(" see ")[2] for one in blind] == [
+                "little or nothing: all of the strip is dark; uncover the lens, and see whether "
+                "the LED frame shines and the exposure is set"
+            ]
+    assert blind == ()
+
+
+def test_a_hand_before_much_of_the_strip_is_no_cover(
+    camera: tuple[CameraPipeline, FloatArray],
+) -> None:
+    pipeline, empty = camera
+    hand = np.ones(empty.shape[1])
+    hand[60:480] = 0.05
+    for index in range(100):
+        frame = Frame("C1", index, 0.1 * index, None, np.rint(empty * hand).astype(np.uint8))
+        pipeline.observe(frame)
+        assert pipeline.find_blind_columns(frame) == ()
