@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 SERVICE_STATE = Path("/var/lib/cornertouchd")
+SERVICE_RUNTIME = Path("/run/cornertouchd")
 
 
 def state_directory(environ: Mapping[str, str]) -> Path:
@@ -23,6 +24,13 @@ def cache_directory(environ: Mapping[str, str]) -> Path:
     if environ.get("CACHE_DIRECTORY"):
         return Path(environ["CACHE_DIRECTORY"].split(":")[0])
     return _user_directory(environ, "XDG_CACHE_HOME", ".cache")
+
+
+def runtime_directory(environ: Mapping[str, str]) -> Path:
+    """Return the directory of sockets: systemd's $RUNTIME_DIRECTORY, else the user's own."""
+    if environ.get("RUNTIME_DIRECTORY"):
+        return Path(environ["RUNTIME_DIRECTORY"].split(":")[0])
+    return _user_directory(environ, "XDG_RUNTIME_DIR", ".local/run")
 
 
 def installed_kernels(prefix: str) -> Path:

@@ -21,6 +21,7 @@ COMMANDS = {
     "record": "Record the configured cameras into a directory until Ctrl-C.",
     "replay": "Replay a recording through the whole pipeline.",
     "run": "Run the daemon: cameras in, TUIO out, until SIGINT or SIGTERM.",
+    "status": "Tell how the running daemon does.",
 }
 """What each command does.  A command is imported when it is called, with what it needs: compiled
 kernels, OpenCV."""

@@ -11,12 +11,15 @@ from pathlib import Path
 import click
 
 from cornertouchd.errors import ReportedError
+from cornertouchd.places import runtime_directory
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.daemon import Daemon
+from cornertouchd.runtime.health import HealthWatch, as_json
 from cornertouchd.runtime.notify import ServiceManager
 from cornertouchd.runtime.parts import Parts, make_parts
 from cornertouchd.runtime.reloading import Reload, ReloadSignal
 from cornertouchd.runtime.service import ServiceReport
+from cornertouchd.runtime.status_socket import SOCKET_NAME, StatusSocket
 from cornertouchd.runtime.stop_signal import StopSignal
 
 HOLD_BACK_S = 10.0
@@ -49,7 +52,9 @@ def run(config_file: Path | None) -> None:
         )
         _log.info("running: %d cameras, TUIO to %s", len(parts.ports), _receivers(parts))
         report = ServiceReport(manager, daemon, clock)
-        _serve(daemon, stop, hangup, Reload(daemon, parts, make), report)
+        health = HealthWatch(daemon, clock)
+        with StatusSocket(runtime_directory(os.environ) / SOCKET_NAME, lambda: as_json(health.now)):
+            _serve(daemon, stop, hangup, Reload(daemon, parts, make), report, health)
         counts = daemon.fusion_counts()
     _log.info("stopped: %d frame sets, %d touches", counts.frame_sets, counts.touches_begun)
 
@@ -65,6 +70,7 @@ def _serve(
     hangup: ReloadSignal,
     reload: Reload,
     report: ServiceReport,
+    health: HealthWatch,
 ) -> None:
     """Run the daemon until the signal comes; follow SIGHUP and tell the service manager."""
     daemon.start()
@@ -78,6 +84,7 @@ def _serve(
                 report.reloading()
                 reload.begin()
             report.look()
+            health.look()
     finally:
         report.stopping()
         daemon.stop()

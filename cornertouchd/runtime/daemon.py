@@ -37,6 +37,7 @@ class DaemonStages:
     ports: Sequence[CameraPort]
     captures: Mapping[str, CaptureStages]
     fusion: FusionStages
+    calibration: Calibration
     settings: Settings
     plugs: Mapping[str, CameraPlug]
 
@@ -68,7 +69,7 @@ def make_stages(
     pairing = FrameSetPairing([port.id for port in ports], settings.pairing)
     surface = SurfacePipeline(calibration, settings)
     fusion = FusionStages(box, pairing, surface, sinks, tuple(captures))
-    return DaemonStages(ports, captures, fusion, settings, plugs)
+    return DaemonStages(ports, captures, fusion, calibration, settings, plugs)
 
 
 class Daemon:

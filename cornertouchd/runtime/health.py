@@ -1,0 +1,156 @@
+"""How the daemon does: one value with everything that status, metrics and the page tell."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Literal, Protocol, runtime_checkable
+
+from cornertouchd.devices.udp_destination import DestinationStatus
+from cornertouchd.ports import Clock, TouchSink
+from cornertouchd.runtime.capture import CaptureCounts
+from cornertouchd.runtime.daemon import Daemon
+from cornertouchd.runtime.fusing import FusionCounts
+
+State = Literal["healthy", "degraded"]
+
+LOOK_EVERY_S = 1.0
+"""Rates over less than this jump about."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraHealth:
+    """One camera; the numbers count from the start of the daemon, but for the rate."""
+
+    id: str
+    live: bool
+    pictures_per_s: float
+    pictures: int
+    faults: int
+    reopened: int
+    resets: int
+    blind: tuple[str, ...]
+    strip_shift: str
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """The daemon at one moment; `problems` say what is wrong, `hints` what may become so.
+
+    The rates are those of the last second or so.
+    """
+
+    state: State
+    problems: tuple[str, ...]
+    hints: tuple[str, ...]
+    up_s: float
+    frame_sets_per_s: float
+    fusion: FusionCounts
+    cameras: tuple[CameraHealth, ...]
+    destinations: tuple[DestinationStatus, ...]
+    calibrated_at: str
+    residual_mm: float
+
+
+@runtime_checkable
+class TellsDestinations(Protocol):
+    """A sink that knows how its destinations fare."""
+
+    @property
+    def destinations(self) -> tuple[DestinationStatus, ...]:
+        """How each destination fares."""
+        ...
+
+
+def as_json(health: Health) -> bytes:
+    """Return everything as one JSON object, keys as the fields are named."""
+    return json.dumps(asdict(health)).encode()
+
+
+class HealthWatch:
+    """Looks at a daemon now and then.  `look` is for one thread, `now` for any."""
+
+    def __init__(self, daemon: Daemon, clock: Clock) -> None:
+        self._daemon = daemon
+        self._clock = clock
+        self._started_at_s = self._looked_at_s = clock.now_s()
+        self._frame_sets = 0
+        self._pictures: Mapping[str, int] = {}
+        self._now = self._health(0.0, LOOK_EVERY_S)
+
+    @property
+    def now(self) -> Health:
+        """What was seen at the last look."""
+        return self._now
+
+    def look(self) -> None:
+        """Look anew; what has happened since the last look gives the rates."""
+        now_s = self._clock.now_s()
+        span_s = now_s - self._looked_at_s
+        if span_s < LOOK_EVERY_S:
+            return
+        self._now = self._health(now_s - self._started_at_s, span_s)
+        self._looked_at_s = now_s
+
+    def _health(self, up_s: float, span_s: float) -> Health:
+        daemon, stages = self._daemon, self._daemon.stages
+        fusion, counts = daemon.fusion_counts(), daemon.camera_counts()
+        cameras = tuple(self._camera(name, each, span_s) for name, each in counts.items())
+        destinations = _destinations(stages.fusion.sinks)
+        frame_sets_per_s = max(fusion.frame_sets - self._frame_sets, 0) / span_s
+        self._frame_sets = fusion.frame_sets
+        self._pictures = {name: each.frames for name, each in counts.items()}
+        problems = tuple(_problems(cameras, frame_sets_per_s))
+        return Health(
+            "degraded" if problems else "healthy",
+            problems,
+            tuple(self._hints(cameras, destinations)),
+            up_s,
+            frame_sets_per_s,
+            fusion,
+            cameras,
+            destinations,
+            stages.calibration.created_at,
+            stages.calibration.residual_mm,
+        )
+
+    def _camera(self, name: str, counts: CaptureCounts, span_s: float) -> CameraHealth:
+        pipeline = self._daemon.stages.captures[name].pipeline
+        return CameraHealth(
+            name,
+            counts.live,
+            max(counts.frames - self._pictures.get(name, 0), 0) / span_s,
+            counts.frames,
+            counts.faults,
+            counts.reopened,
+            counts.resets,
+            tuple(str(columns) for columns in pipeline.blind_columns),
+            str(pipeline.strip_shift or ""),
+        )
+
+    def _hints(
+        self, cameras: Sequence[CameraHealth], destinations: Sequence[DestinationStatus]
+    ) -> list[str]:
+        drift = self._daemon.drift
+        return [
+            *(f"camera {each.id}: {each.strip_shift}" for each in cameras if each.strip_shift),
+            *([str(drift)] if drift else []),
+            *(f"camera {each.id}: {columns}" for each in cameras for columns in each.blind),
+            *(str(dirt) for dirt in self._daemon.dirt),
+            *(f"TUIO to {to.host}:{to.port}: {to.fault}" for to in destinations if to.fault),
+        ]
+
+
+def _problems(cameras: Sequence[CameraHealth], frame_sets_per_s: float) -> list[str]:
+    lost = [f"camera {each.id} lost" for each in cameras if not each.live]
+    if lost or frame_sets_per_s:
+        return lost
+    return ["the cameras never see the same instant"]
+
+
+def _destinations(sinks: Sequence[TouchSink]) -> tuple[DestinationStatus, ...]:
+    return tuple(
+        destination
+        for sink in sinks
+        if isinstance(sink, TellsDestinations)
+        for destination in sink.destinations
+    )

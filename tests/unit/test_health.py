@@ -1,0 +1,205 @@
+"""What the daemon tells of itself, and how `cornertouchd status` passes it on."""
+
+import json
+import socket
+import stat
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from cornertouchd.cli import main
+from cornertouchd.devices.udp_destination import DestinationStatus
+from cornertouchd.runtime.capture import CaptureCounts
+from cornertouchd.runtime.fusing import FusionCounts
+from cornertouchd.runtime.health import HealthWatch, as_json
+from cornertouchd.runtime.status_socket import StatusSocket, read_status
+
+GAME = DestinationStatus("127.0.0.1", 3333, 10, 0, None)
+
+
+class FakeSink:
+    destinations = (GAME,)
+
+
+class Rig:
+    """A daemon with two cameras, as far as its health goes, and the clock by which it is seen."""
+
+    def __init__(self) -> None:
+        self.time_s = 50.0
+        self.live = {"C1": True, "C2": True}
+        self.pictures = 0
+        self.fusion = FusionCounts(0, 0, 0, 0, 0, 0, 0, 0)
+        self.pipeline = SimpleNamespace(blind_columns=(), strip_shift=None)
+        self.sink = FakeSink()
+        self.drift, self.dirt = None, ()
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    @property
+    def stages(self) -> Any:
+        return SimpleNamespace(
+            captures={name: SimpleNamespace(pipeline=self.pipeline) for name in self.live},
+            fusion=SimpleNamespace(sinks=[self.sink]),
+            calibration=SimpleNamespace(created_at="2026-01-02T03:04:05+00:00", residual_mm=0.1),
+        )
+
+    def camera_counts(self) -> dict[str, CaptureCounts]:
+        return {
+            name: CaptureCounts(self.pictures, 0, 2, live, 1) for name, live in self.live.items()
+        }
+
+    def fusion_counts(self) -> FusionCounts:
+        return self.fusion
+
+    def go_on(self, seconds: float, frame_sets: int) -> None:
+        self.time_s += seconds
+        self.pictures += frame_sets
+        self.fusion = replace(self.fusion, frame_sets=self.fusion.frame_sets + frame_sets)
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return Rig()
+
+
+@pytest.fixture
+def watch(rig: Rig) -> HealthWatch:
+    return HealthWatch(rig, rig)  # type: ignore[arg-type]
+
+
+def test_rates_are_those_since_the_last_look(rig: Rig, watch: HealthWatch) -> None:
+    rig.go_on(2.0, 200)
+    watch.look()
+    assert (watch.now.state, watch.now.problems) == ("healthy", ())
+    assert watch.now.frame_sets_per_s == pytest.approx(100.0)
+    rig.go_on(1.0, 40)
+    watch.look()
+    assert watch.now.cameras[1].pictures_per_s == pytest.approx(40.0)
+    assert (watch.now.up_s, watch.now.cameras[1].pictures) == (3.0, 240)
+    assert (watch.now.cameras[0].reopened, watch.now.cameras[0].resets) == (1, 1)
+
+
+def test_looks_that_follow_each_other_closely_tell_the_same(rig: Rig, watch: HealthWatch) -> None:
+    rig.go_on(1.0, 100)
+    watch.look()
+    told = watch.now
+    rig.go_on(0.01, 3)
+    watch.look()
+    assert watch.now is told
+
+
+def test_a_lost_camera_is_a_problem_and_what_may_become_one_a_hint(
+    rig: Rig, watch: HealthWatch
+) -> None:
+    rig.live["C2"] = False
+    rig.pipeline.blind_columns = ("columns 3..9 see little or nothing",)
+    rig.sink.destinations = (replace(GAME, fault="Connection refused"),)
+    rig.go_on(1.0, 100)
+    watch.look()
+    assert watch.now.state == "degraded"
+    assert watch.now.problems == ("camera C2 lost",)
+    assert watch.now.hints == (
+        "camera C1: columns 3..9 see little or nothing",
+        "camera C2: columns 3..9 see little or nothing",
+        "TUIO to 127.0.0.1:3333: Connection refused",
+    )
+
+
+def test_cameras_without_frame_sets_are_a_problem(rig: Rig, watch: HealthWatch) -> None:
+    rig.go_on(1.0, 0)
+    watch.look()
+    assert watch.now.problems == ("the cameras never see the same instant",)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "run" / "status.sock"
+
+
+def status(path: Path, *options: str) -> Result:
+    return CliRunner().invoke(main, ["status", "--socket", str(path), *options])
+
+
+@pytest.fixture
+def answered(path: Path, rig: Rig, watch: HealthWatch) -> Iterator[None]:
+    with StatusSocket(path, lambda: as_json(watch.now)):
+        yield
+
+
+@pytest.mark.usefixtures("answered")
+def test_the_exit_status_tells_healthy_from_degraded(
+    path: Path, rig: Rig, watch: HealthWatch
+) -> None:
+    rig.go_on(1.0, 100)
+    watch.look()
+    told = status(path)
+    assert (told.exit_code, told.stdout.splitlines()[0]) == (0, "healthy")
+    assert "127.0.0.1:3333; 10 packets, 0 errors" in told.stdout
+    rig.live["C1"] = False
+    rig.go_on(1.0, 100)
+    watch.look()
+    told = status(path)
+    assert told.exit_code == 1
+    assert "camera C1 lost" in told.stdout
+    as_object = json.loads(status(path, "--json").stdout)
+    assert as_object["problems"] == ["camera C1 lost"]
+    assert as_object["cameras"][0]["live"] is False
+
+
+def test_without_a_daemon_it_says_so(path: Path) -> None:
+    told = status(path)
+    assert told.exit_code == 2
+    assert "is not there: no daemon runs" in told.stderr
+    as_object = status(path, "--json")
+    assert (as_object.exit_code, json.loads(as_object.stdout)["state"]) == (2, "down")
+
+
+def test_what_is_no_daemon_is_down(path: Path) -> None:
+    with StatusSocket(path, lambda: b"hello"):
+        told = status(path)
+    assert told.exit_code == 2
+    assert "no daemon answers" in told.stderr
+
+
+@pytest.mark.usefixtures("answered")
+def test_nobody_else_may_ask(path: Path) -> None:
+    assert stat.S_IMODE(path.stat().st_mode) == 0o660
+
+
+def test_the_socket_of_a_daemon_that_died_is_replaced(path: Path) -> None:
+    path.parent.mkdir()
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(path))
+    with StatusSocket(path, lambda: b"alive"):
+        assert read_status(path) == b"alive"
+    assert not path.exists()
+
+
+def test_the_socket_of_another_daemon_is_left_alone(
+    path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with StatusSocket(path, lambda: b"first"):
+        with StatusSocket(path, lambda: b"second"):
+            assert read_status(path) == b"first"
+        assert read_status(path) == b"first"
+    assert "is another daemon running" in caplog.text
+
+
+def test_who_connects_and_says_nothing_keeps_nobody_waiting(path: Path) -> None:
+    with StatusSocket(path, lambda: b"told"), socket.socket(socket.AF_UNIX) as silent:
+        silent.connect(str(path))
+        assert read_status(path) == b"told"
+
+
+def test_a_place_where_no_socket_can_be_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with StatusSocket(tmp_path / ("x" * 200), lambda: b"told"):
+        pass
+    assert "no status can be asked for" in caplog.text
