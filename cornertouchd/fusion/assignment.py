@@ -3,10 +3,10 @@
 from math import sqrt
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from cornertouchd.compiling import compiled, inlined
 from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.fusion.cheapest import NONE, cheapest_partners
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.evidence import CONFIDENCE_WITHOUT_CONFIRMATION, may_be_hidden
 from cornertouchd.fusion.track_rows import (
@@ -112,17 +112,20 @@ def _forget_wrong_claims(partners: IntArray, contacts: FloatArray) -> None:
             contacts[number, CONTINUES] = -1.0
 
 
-@compiled("Tuple((i8[::1], i8[::1], i8[::1], f8[:,::1]))(f8[:,::1], f8[:,::1], f8)")
+@inlined
 def _sure_partners(
-    tracks: FloatArray, contacts: FloatArray, gate_mm: float
-) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Return the partners of tracks (T,) as far as there is no choice, and what is left to choose.
+    partners: IntArray,
+    tracks: FloatArray,
+    contacts: FloatArray,
+    gate_mm: float,
+    free_tracks: IntArray,
+    free_contacts: IntArray,
+) -> FloatArray:
+    """Give tracks their partners as far as there is no choice.
 
-    That is A tracks and B contacts, by their numbers, with their squared distances (A, B), and
-    neither when all is told.
+    Returns the squared distances (A, B) of the free tracks to the free contacts if there is one,
+    else nothing (0, 0).
     """
-    partners, taken = _claimed(tracks, contacts)
-    free_tracks, free_contacts = _without_partner(partners >= 0), _without_partner(taken)
     costs = np.empty((len(free_tracks), len(free_contacts)))
     reached_by = np.zeros(len(free_contacts), np.int64)
     choice = False
@@ -137,37 +140,26 @@ def _sure_partners(
                 partners[free_tracks[row]] = free_contacts[column]
                 choice |= reached_by[column] > 1
         choice |= reached > 1
-    if not choice:
-        _forget_wrong_claims(partners, contacts)
-        return partners, free_tracks, free_contacts, np.empty((0, 0))
-    for row in range(len(free_tracks)):
-        partners[free_tracks[row]] = -1
-    return partners, free_tracks, free_contacts, costs
+    return costs if choice else np.empty((0, 0))
 
 
-@compiled("void(i8[::1], i8[::1], i8[::1], f8[:,::1])")
-def _take_partners(
-    partners: IntArray, chosen_tracks: IntArray, chosen: IntArray, contacts: FloatArray
-) -> None:
-    """Give tracks the contacts that were chosen for them."""
-    for number in range(len(chosen)):
-        partners[chosen_tracks[number]] = chosen[number]
-    _forget_wrong_claims(partners, contacts)
-
-
+@compiled("i8[::1](f8[:,::1], f8[:,::1], f8)")
 def assign(tracks: FloatArray, contacts: FloatArray, gate_mm: float) -> IntArray:
     """Return for each track the contact that continues it, or -1.
 
     A contact that says which prediction it continues is believed; whichever of the others may be
-    told apart only together are assigned by the Hungarian method, as many as possible, to touches
-    that are reported before others, at the least sum of squared distances.  Columns `CONTINUES` of
-    contacts that cannot be right become -1.
+    told apart only together are assigned as many as possible, to touches that are reported before
+    others, at the least sum of squared distances.  Columns `CONTINUES` of contacts that cannot be
+    right become -1.
     """
-    partners, free_tracks, free_contacts, costs = _sure_partners(tracks, contacts, gate_mm)
-    if costs.size:
-        rows, columns = linear_sum_assignment(costs)
-        within = costs[rows, columns] < OUT_OF_REACH
-        _take_partners(
-            partners, free_tracks[rows[within]], free_contacts[columns[within]], contacts
-        )
+    partners, taken = _claimed(tracks, contacts)
+    free_tracks, free_contacts = _without_partner(partners >= 0), _without_partner(taken)
+    costs = _sure_partners(partners, tracks, contacts, gate_mm, free_tracks, free_contacts)
+    if costs.size > 0:
+        chosen = cheapest_partners(costs)
+        for row in range(len(free_tracks)):
+            column = chosen[row]
+            within = column != NONE and costs[row, column] < OUT_OF_REACH
+            partners[free_tracks[row]] = free_contacts[column] if within else NONE
+    _forget_wrong_claims(partners, contacts)
     return partners
