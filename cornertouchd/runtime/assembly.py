@@ -1,9 +1,13 @@
-"""From settings to the parts of a daemon: cameras, calibration, sinks."""
+"""From settings to the parts of a daemon: cameras, calibration, sinks.
+
+What only some rigs need is imported where they need it: OpenCV's reader, the simulation and the
+fitting of its calibration take a quarter of a second, for which touches would be missing after
+every start (benchmarks/restart.py).
+"""
 
 import socket
 import time
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 
 from cornertouchd.calibration.calibration import Calibration, CalibrationError
@@ -11,16 +15,11 @@ from cornertouchd.calibration.display import DisplayPlace, load_display
 from cornertouchd.calibration.file import load_calibration
 from cornertouchd.config import CameraSettings, DestinationSettings, Settings
 from cornertouchd.devices.camera_plug import DevicePlug
-from cornertouchd.devices.opencv_camera import OpenCvCameraPort
 from cornertouchd.devices.udp import UdpTuioSink, local_address
 from cornertouchd.devices.v4l2_camera import V4l2CameraPort
 from cornertouchd.model import PictureFormat
 from cornertouchd.places import state_directory
 from cornertouchd.ports import CameraPlug, CameraPort, Clock
-from cornertouchd.runtime.simulated_rig import calibrated_rig
-from cornertouchd.simulation.camera import painted_ports
-from cornertouchd.simulation.painting import PaintingProcess
-from cornertouchd.simulation.show import make_rig, make_show
 from cornertouchd.wire.mapping import DisplayMapping
 from cornertouchd.wire.tuio import default_source_name, seed_at
 
@@ -42,14 +41,9 @@ def make_ports(settings: Settings, clock: Clock) -> tuple[CameraPort, ...]:
     """Return the cameras that the settings name."""
     cameras = settings.cameras
     if cameras.source == "simulated":
-        formats = make_rig(settings).formats
-        used = {camera: formats[camera] for camera in formats if camera in cameras.enabled_ids}
-        painting = PaintingProcess(partial(make_show, settings), used)
-        paints = {camera: painting.painter(camera) for camera in used}
-        speed, seed = settings.simulation.speed, settings.simulation.seed
-        return painted_ports(
-            used, paints, clock, cameras.rate_hz, speed, f"simulated rig seed {seed}"
-        )
+        from cornertouchd.runtime.simulated_ports import simulated_ports  # noqa: PLC0415
+
+        return simulated_ports(settings, clock)
     return tuple(_real_camera(settings, camera, clock) for camera in cameras.enabled_ids)
 
 
@@ -58,6 +52,8 @@ def _real_camera(settings: Settings, camera_id: str, clock: Clock) -> CameraPort
     device = cameras.units[camera_id].device
     pictures = picture_format(settings, cameras.units[camera_id])
     if cameras.source == "opencv":
+        from cornertouchd.devices.opencv_camera import OpenCvCameraPort  # noqa: PLC0415
+
         return OpenCvCameraPort(camera_id, device, pictures, cameras.rate_hz, clock.now_s)
     return V4l2CameraPort(
         camera_id,
@@ -95,6 +91,8 @@ def find_calibration(settings: Settings, environ: Mapping[str, str]) -> Calibrat
     A simulated rig calibrates itself unless a file is set.
     """
     if settings.cameras.source == "simulated" and not settings.calibration.file:
+        from cornertouchd.runtime.simulated_rig import calibrated_rig  # noqa: PLC0415
+
         return calibrated_rig(settings, environ)
     path = calibration_file(settings, environ)
     calibration = load_calibration(path)

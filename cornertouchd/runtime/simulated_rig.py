@@ -11,8 +11,6 @@ import numpy as np
 from cornertouchd import __version__
 from cornertouchd.calibration.calibration import Calibration, CalibrationError
 from cornertouchd.calibration.file import load_calibration, save_calibration
-from cornertouchd.calibration.gathering import Taps, gather_touches
-from cornertouchd.calibration.methods import calibrate
 from cornertouchd.config import Settings
 from cornertouchd.guiding.targets import calibration_targets
 from cornertouchd.model import Frame
@@ -55,6 +53,10 @@ def calibrated_rig(settings: Settings, environ: Mapping[str, str]) -> Calibratio
 
 def calibrate_rig(rig: SimulatedRig, settings: Settings) -> Calibration:
     """Calibrate a simulated rig as a person would: empty surface, 16 taps, a scribble."""
+    # Half of the time of a start, and only the first one calibrates.
+    from cornertouchd.calibration.gathering import Taps, gather_touches  # noqa: PLC0415
+    from cornertouchd.calibration.methods import calibrate  # noqa: PLC0415
+
     places = calibration_targets(rig.surface_mm)
     somewhere = scribble(rig.surface_mm, SCRIBBLE_TOUCHES, settings.simulation.seed)
     pictures = itertools.count(FIRST_PICTURE)
