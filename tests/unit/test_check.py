@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
+from fake_sysfs import BULK_CAMERA, FakeSysfs, isochronous_camera
 
 from cornertouchd.calibration.file import load_calibration, save_calibration
 from cornertouchd.cli import main
@@ -24,9 +25,11 @@ from cornertouchd.config import (
     Settings,
     TuioSettings,
 )
+from cornertouchd.devices.camera_survey import CameraAbilities
 from cornertouchd.guiding.finding import Finding
 from cornertouchd.runtime import checks
 from cornertouchd.runtime.checks import check_installation
+from cornertouchd.runtime.checks.bandwidth import bandwidth_of
 from cornertouchd.runtime.checks.cameras import cameras_of
 from cornertouchd.runtime.checks.files import calibration_of, disk_of, kernels_of
 from cornertouchd.runtime.checks.installation import (
@@ -46,7 +49,7 @@ class Kiosk:
     """An installation that is well, until a test spoils something."""
 
     def __init__(self, directory: Path) -> None:
-        self.sysfs, self.proc = directory / "sys", directory / "proc"
+        self.sysfs, self.proc, self.dev = (directory / name for name in ("sys", "proc", "dev"))
         self.unit = {
             "LoadState": "loaded",
             "ActiveState": "inactive",
@@ -81,6 +84,8 @@ class Kiosk:
             self.clock,
             sysfs=self.sysfs,
             proc=self.proc,
+            dev=self.dev,
+            look=lambda _node, **_wanted: CameraAbilities(captures=True, pixel_format="GREY"),
             ports=lambda: self.ports,
             output_of=self.systemctl,
         )
@@ -345,6 +350,37 @@ def test_a_camera_that_may_be_suspended(kiosk: Kiosk, control: str, level: str |
         assert found == []
     else:
         only(found, level, "suspended", "60-cornertouchd.rules")
+
+
+def plug_into_one_bus(kiosk: Kiosk, descriptors: bytes, rate_hz: float) -> None:
+    machine = FakeSysfs(kiosk.sysfs.parent)
+    for number in range(1, 5):
+        machine.plug_in(f"1-{number}", [2 * number, 2 * number + 1], None, descriptors=descriptors)
+    units = {f"C{number}": {"device": f"port:1-{number}"} for number in range(1, 5)}
+    kiosk.set_settings(cameras=CamerasSettings(units=units, rate_hz=rate_hz))
+
+
+def test_cameras_that_fit_their_bus(kiosk: Kiosk) -> None:
+    plug_into_one_bus(kiosk, BULK_CAMERA, rate_hz=30.0)
+    only(kiosk.find(bandwidth_of), "ok", "bus 1", "480 Mbit/s", "/dev/video2", "92%")
+
+
+def test_cameras_that_do_not_fit_their_bus(kiosk: Kiosk) -> None:
+    plug_into_one_bus(kiosk, isochronous_camera(0x1400), rate_hz=30.0)
+    only(kiosk.find(bandwidth_of), "error", "bus 1", "80%", "cameras.rate_hz", "another bus")
+
+
+def test_a_camera_without_a_setting_that_is_fast_enough(kiosk: Kiosk) -> None:
+    plug_into_one_bus(kiosk, isochronous_camera(0x0100), rate_hz=30.0)
+    alone, *_, bus = kiosk.find(bandwidth_of)
+    assert (alone.level, bus.level) == ("error", "error")
+    assert "/dev/video2 cannot send 9.2 MB/s" in alone.text
+    assert "cameras.pixel_format" in alone.remedy
+
+
+def test_the_simulated_rig_takes_no_bandwidth(kiosk: Kiosk) -> None:
+    kiosk.set_settings(cameras=CamerasSettings(source="simulated"))
+    assert kiosk.find(bandwidth_of) == []
 
 
 def test_a_check_that_fails_does_not_hide_the_others(

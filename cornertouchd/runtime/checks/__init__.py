@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 
 from cornertouchd.guiding.finding import Finding, wrong
+from cornertouchd.runtime.checks.bandwidth import bandwidth_of
 from cornertouchd.runtime.checks.cameras import cameras_of
 from cornertouchd.runtime.checks.files import calibration_of, disk_of, kernels_of
 from cornertouchd.runtime.checks.installation import Installation
@@ -13,6 +14,7 @@ CHECKS: dict[str, Callable[[Installation], Iterator[Finding]]] = {
     "service": service_of,
     "permissions": groups_of,
     "cameras": cameras_of,
+    "bandwidth": bandwidth_of,
     "calibration": calibration_of,
     "TUIO": targets_of,
     "real time": real_time_of,

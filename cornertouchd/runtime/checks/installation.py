@@ -8,6 +8,8 @@ from pathlib import Path
 
 from cornertouchd.config import Settings
 from cornertouchd.config.reading import SYSTEM_FILE
+from cornertouchd.devices.camera_abilities import look_at_node
+from cornertouchd.devices.camera_survey import CameraAbilities
 from cornertouchd.places import SERVICE_STATE
 from cornertouchd.ports import CameraPort, Clock
 
@@ -55,7 +57,9 @@ class Installation:
     unit: str = UNIT
     sysfs: Path = Path("/sys")
     proc: Path = Path("/proc")
+    dev: Path = Path("/dev")
     ports: Callable[[], Sequence[CameraPort]] = tuple
+    look: Callable[..., CameraAbilities] = look_at_node
     output_of: Callable[..., str] = output_of
 
     def unit_property(self, name: str) -> str:
