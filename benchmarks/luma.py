@@ -12,7 +12,6 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from cornertouchd.devices import mjpeg
 from cornertouchd.devices.luma import PACKINGS, LumaReader
 from cornertouchd.devices.mjpeg import MjpegReader
 from cornertouchd.devices.turbojpeg import load_turbojpeg
@@ -48,11 +47,6 @@ def main() -> None:
             reader = MjpegReader(layout, first, given.rows, library)
             name = f"MJPG, quality {quality}, {way}"
             tell(name, len(jpeg), given.pictures, lambda r=reader, j=jpeg: r.read(j, len(j)))
-        kept, mjpeg.simplejpeg = mjpeg.simplejpeg, None
-        name = f"MJPG, quality {quality}, OpenCV"
-        reader = MjpegReader(layout, first, given.rows, None)
-        tell(name, len(jpeg), given.pictures, lambda r=reader, j=jpeg: r.read(j, len(j)))
-        mjpeg.simplejpeg = kept
 
 
 def picture(quality: int, first: int, rows: int) -> np.ndarray:

@@ -1,12 +1,14 @@
 """Grey rows out of the buffers of every format, whatever the padding and wherever the strip."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import cv2
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cornertouchd.devices import mjpeg
 from cornertouchd.devices.luma import PACKINGS, LumaReader
 from cornertouchd.devices.mjpeg import MjpegReader
 from cornertouchd.devices.turbojpeg import load_turbojpeg
@@ -77,11 +79,9 @@ def test_a_layout_that_cannot_be_is_refused() -> None:
         LumaReader(Layout("GREY", 64, 48, 64, 3000), 0, 48)
 
 
-@pytest.fixture(params=["turbojpeg", "simplejpeg", "opencv"])
-def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+@pytest.fixture(params=["turbojpeg", "simplejpeg"])
+def way(request: pytest.FixtureRequest) -> str:
     """Choose a library."""
-    if request.param == "opencv":
-        monkeypatch.setattr(mjpeg, "simplejpeg", None)
     if request.param == "turbojpeg" and load_turbojpeg() is None:
         pytest.skip("no TurboJPEG 3 on this machine")
     return request.param
@@ -102,9 +102,11 @@ class TestJpeg:
     ) -> np.ndarray | None:
         """Read from a buffer with rubbish behind the picture, as buffers have it."""
         buffer = np.concatenate([jpeg, np.full(500, 0xFF, np.uint8)])
+        return self.reader(way, len(buffer), first, rows).read(buffer, len(jpeg))
+
+    def reader(self, way: str, size: int, first: int = 50, rows: int = 33) -> MjpegReader:
         library = load_turbojpeg() if way == "turbojpeg" else None
-        reader = MjpegReader(Layout("MJPG", 160, 120, 0, len(buffer)), first, rows, library)
-        return reader.read(buffer, len(jpeg))
+        return MjpegReader(Layout("MJPG", 160, 120, 0, size), first, rows, library)
 
     @pytest.mark.parametrize(
         "options",
@@ -146,13 +148,36 @@ class TestJpeg:
         assert self.read(jpeg[: int(share * len(jpeg))].copy(), way) is None
 
     @pytest.mark.parametrize("lost_bytes", [300, 512, 1024])
-    def test_lost_packets_are_noticed_where_whole_pictures_are_decoded(
-        self, lost_bytes: int
+    @pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
+    def test_what_lost_packets_is_damaged_and_the_next_is_not(
+        self, way: str, lost_bytes: int, share: float
     ) -> None:
         jpeg = self.jpeg()
-        cut = len(jpeg) // 2
+        reader = self.reader(way, len(jpeg))
+        cut = int(share * len(jpeg))
         lossy = np.concatenate([jpeg[:cut], jpeg[cut + lost_bytes :]])
-        assert self.read(lossy, "simplejpeg") is None
+        for _ in range(3):
+            assert reader.read(lossy, len(lossy)) is None
+            assert reader.read(jpeg, len(jpeg)) is not None
+
+    def test_pictures_of_one_scene_are_not_looked_through_again(self) -> None:
+        first_rows: list[int] = []
+
+        all_whole = SimpleNamespace(
+            tj3Init=lambda _kind: 1,
+            tj3Destroy=lambda _handle: None,
+            tj3DecompressHeader=lambda *_picture: 0,
+            tj3Get=lambda _handle, what: {5: 160, 6: 120}[what],
+            tj3SetCroppingRegion=lambda _handle, region: first_rows.append(region.y),
+            tj3Decompress8=lambda *_picture: 0,
+        )
+        jpeg = self.jpeg()
+        reader = MjpegReader(Layout("MJPG", 160, 120, 0, len(jpeg)), 50, 33, cast(Any, all_whole))
+        longer = np.insert(jpeg, 20, np.zeros(200, np.uint8))
+        much_longer = np.insert(jpeg, 20, np.zeros(300, np.uint8))
+        for one in (jpeg, jpeg, longer, much_longer, much_longer):
+            assert reader.read(one, len(one)) is not None
+        assert first_rows == [119, 50, 50, 50, 119, 50, 50]
 
     @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(st.data())
