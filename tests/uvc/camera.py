@@ -21,6 +21,11 @@ SUPER_SPEED = 5
 SOCKET_BYTES = 1 << 20
 """Several pictures: a camera must not wait for a host that is busy for a moment."""
 
+HOLE_BYTES = 512
+"""What is lost when a packet is, of a camera on USB 2."""
+HOLE_PLACES = 7
+"""Holes are in so many places, one picture after the other."""
+
 GET_DESCRIPTOR, GET_STATUS, SET_INTERFACE, CLEAR_FEATURE = 6, 0, 11, 1
 GET_CUR, GET_MIN, GET_MAX, GET_RES, GET_LEN, GET_INFO, GET_DEF = range(0x81, 0x88)
 PROBE, COMMIT = 1, 2
@@ -46,6 +51,7 @@ class Faults:
     dark: bool = False
     short: int = 0
     err: int = 0
+    hole: int = 0
 
 
 @dataclass(slots=True)
@@ -235,6 +241,10 @@ class UvcCamera:
         if self.faults.short:
             self.faults.short -= 1
             body = body[: len(body) // 2]
+        if self.faults.hole:
+            self.faults.hole -= 1
+            begins = int(len(body) * (0.2 + 0.6 * (number % HOLE_PLACES) / HOLE_PLACES))
+            body = body[:begins] + body[begins + HOLE_BYTES :]
         now_s = time.monotonic()
         ticks = int(now_s * CLOCK_HZ) & 0xFFFFFFFF
         frame_number = int(now_s * 1000) & 0x7FF
@@ -274,7 +284,7 @@ class UvcCamera:
                 self.unplug()
             case ["stall" | "noise" | "dark" as fault]:
                 setattr(self.faults, "stalled" if fault == "stall" else fault, True)
-            case ["short" | "err" as fault, count]:
+            case ["short" | "err" | "hole" as fault, count]:
                 setattr(self.faults, fault, int(count))
             case ["go"]:
                 self.faults = Faults()

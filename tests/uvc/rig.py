@@ -93,6 +93,10 @@ class UvcRig:
         """Mark the next pictures as wrong, as a camera does that has lost some data."""
         self._do(camera, f"err {pictures}")
 
+    def hole(self, camera: str, pictures: int) -> None:
+        """Leave bytes out of the middle of the next pictures, without marking them."""
+        self._do(camera, f"hole {pictures}")
+
     def noise(self, camera: str) -> None:
         """Show noise."""
         self._do(camera, "noise")
