@@ -8,29 +8,42 @@ from dataclasses import dataclass
 from guest.client import Seen, TuioClient, compare, wait_until
 from guest.running import RunningDaemon
 from uvc.rig import UvcRig
-from uvc.show import CAMERAS, Show
+from uvc.show import CAMERAS, RATE_HZ, Show
 
+from cornertouchd.runtime.faults import GOOD_TO_RECOVER
+
+WORKS = re.compile(r"camera (C\d): works again")
+SILENT = re.compile(r"camera (C\d): more than \d+ messages")
 NEAR_MM = 5.0
 """With cameras missing or mad, a touch this far from any finger is one that is not there."""
 SETTLES_S = 1.0
-RECOVERS_S = 45.0
-"""Delays between attempts to open a camera add up when the machine is busy."""
+TOLD_S = (GOOD_TO_RECOVER - 1) / RATE_HZ
+"""A camera is said to work again so long after the first picture that is used, or longer."""
+BACK_S = 2.0 + TOLD_S
+"""A camera that is plugged in again is in service within 2 s of its node."""
+RECOVERS_S = 10.0
+"""A camera that fails while it is there is opened anew after growing delays."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What happens to cameras, for how long, and how it ends."""
+    """What happens to cameras, for how long, how it ends, and when they have to work after that."""
 
     name: str
     cameras: tuple[str, ...]
     begin: Callable[[UvcRig, str], None]
     end: Callable[[UvcRig, str], None]
     lasts_s: float = 3.0
+    recovers_s: float = RECOVERS_S
 
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """One fault, lived through; `recovered_s` counts from when the cause was gone."""
+    """One fault, lived through.
+
+    `recovered_s` is the longest time that one of its cameras took from when its cause was gone, or
+    its node was there again, until the daemon said that it works.
+    """
 
     fault: Fault
     said: tuple[str, ...]
@@ -48,15 +61,15 @@ def _nothing(rig: UvcRig, camera: str) -> None:
 
 
 FAULTS = (
-    Fault("cable pulled", ("C2",), UvcRig.unplug, UvcRig.plug),
-    Fault("plugged into another port", ("C2",), UvcRig.unplug, _swap),
+    Fault("cable pulled", ("C2",), UvcRig.unplug, UvcRig.plug, recovers_s=BACK_S),
+    Fault("plugged into another port", ("C2",), UvcRig.unplug, _swap, recovers_s=BACK_S),
     Fault("sends nothing", ("C3",), UvcRig.stall, UvcRig.go),
     Fault("pictures cut off", ("C4",), lambda rig, c: rig.short(c, 60), _nothing, 1.0),
     Fault("pictures marked bad", ("C1",), lambda rig, c: rig.err(c, 60), _nothing, 1.0),
     Fault("pictures of noise", ("C2",), UvcRig.noise, UvcRig.go),
     Fault("pictures dark", ("C3",), UvcRig.dark, UvcRig.go, 6.0),
-    Fault("two cables pulled", ("C1", "C2"), UvcRig.unplug, UvcRig.plug),
-    Fault("all four cables pulled", CAMERAS, UvcRig.unplug, UvcRig.plug),
+    Fault("two cables pulled", ("C1", "C2"), UvcRig.unplug, UvcRig.plug, recovers_s=BACK_S),
+    Fault("all four cables pulled", CAMERAS, UvcRig.unplug, UvcRig.plug, recovers_s=BACK_S),
     Fault("all four send nothing", CAMERAS, UvcRig.stall, UvcRig.go),
     Fault("all four send noise", CAMERAS, UvcRig.noise, UvcRig.go),
 )
@@ -73,24 +86,39 @@ def live_through(
     for camera in fault.cameras:
         fault.begin(rig, camera)
     time.sleep(fault.lasts_s)
+    mended_s: dict[str, float] = {}
     for camera in fault.cameras:
         fault.end(rig, camera)
-    mended_s = time.monotonic()
+        mended_s[camera] = time.monotonic()
     wait_until(
-        lambda: not _in_trouble(daemon, began_s), RECOVERS_S, f"{fault.name}: all cameras at work"
+        lambda: daemon.is_whole() and not _in_trouble(daemon, began_s),
+        RECOVERS_S,
+        f"{fault.name}: all cameras at work",
     )
-    recovered_s = time.monotonic() - mended_s
+    whole_s = time.monotonic()
     time.sleep(SETTLES_S)
-    said = tuple(line for _, line in daemon.said_since(began_s))
+    said = daemon.said_since(began_s)
+    recovered_s = max(_works_s(said, camera, whole_s) - mended_s[camera] for camera in mended_s)
     seen = compare(client, show, rig.start_s, (began_s, time.monotonic()), NEAR_MM)
-    return Episode(fault, said, seen, recovered_s if said else 0.0)
+    return Episode(fault, tuple(line for _, line in said), seen, max(0.0, recovered_s))
+
+
+def _works_s(said: list[tuple[float, str]], camera: str, whole_s: float) -> float:
+    """Return when a camera was said to work again; 0 if nothing was wrong.
+
+    After too many messages a camera has none left: then it is when the status had all cameras.
+    """
+    told_s = [at_s for at_s, line in said if (over := WORKS.search(line)) and over[1] == camera]
+    if any(f"camera {camera}: more than" in line for _, line in said):
+        return whole_s
+    return told_s[-1] if told_s else 0.0
 
 
 def _in_trouble(daemon: RunningDaemon, since_s: float) -> set[str]:
-    """Return the cameras that had a fault and have not said that it is over."""
+    """Return the cameras that had a fault and have not said that it is over, as far as they may."""
     trouble: set[str] = set()
     for _, line in daemon.said_since(since_s):
-        if over := re.search(r"camera (C\d): works again", line):
+        if over := WORKS.search(line) or SILENT.search(line):
             trouble.discard(over[1])
         elif fault := re.search(r"ERROR camera (C\d): ", line):
             trouble.add(fault[1])

@@ -1,6 +1,9 @@
 """The daemon as a process in the guest, and what it says, by the clock."""
 
+import contextlib
+import os
 import re
+import socket
 import subprocess
 import sys
 import threading
@@ -39,12 +42,20 @@ def write_config(path: Path, show: Show, more: str = "") -> Path:
 
 
 class RunningDaemon:
-    """`cornertouchd run`; `said` are its messages, each with the time when it came."""
+    """`cornertouchd run`; `said` are its messages, each with the time when it came.
+
+    We are its service manager, too: it tells us every second how it does.
+    """
 
     def __init__(self, config: Path) -> None:
         self.said: list[tuple[float, str]] = []
+        self._status = ""
+        self._manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._manager.setblocking(False)
+        self._manager.bind("")  # the kernel chooses an abstract name
         self.process = subprocess.Popen(
             [sys.executable, "-m", "cornertouchd", "run", "--config", str(config)],
+            env={**os.environ, "NOTIFY_SOCKET": "@" + self._manager.getsockname()[1:].decode()},
             stdin=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
@@ -66,6 +77,15 @@ class RunningDaemon:
         """Tell whether a message from that time on matches a regular expression."""
         return any(re.search(pattern, line) for _, line in self.said_since(since_s))
 
+    def is_whole(self) -> bool:
+        """Tell whether the last status, of a second or less ago, has all cameras at work."""
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                told = self._manager.recv(4096).decode()
+                if "STATUS=" in told:
+                    self._status = told
+        return f"STATUS={len(CAMERAS)} cameras" in self._status
+
     def stop(self) -> int:
         """End the daemon as a service manager does, and return its exit status."""
         self.process.terminate()
@@ -77,3 +97,4 @@ class RunningDaemon:
             self._thread.join()
             assert self.process.stderr is not None
             self.process.stderr.close()
+            self._manager.close()
