@@ -1,5 +1,6 @@
 """Every setting with default, unit and bounds; TOML in, frozen settings out."""
 
+from cornertouchd.config.led_frame import LedFrameSettings
 from cornertouchd.config.output import DestinationSettings, TuioSettings
 from cornertouchd.config.reading import ConfigError, find_settings, read_settings
 from cornertouchd.config.rig import (
@@ -34,6 +35,7 @@ __all__ = [
     "CrossingSettings",
     "DestinationSettings",
     "DirtSettings",
+    "LedFrameSettings",
     "MotionSettings",
     "PairingSettings",
     "PaperCrossingSettings",

@@ -4,6 +4,12 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from cornertouchd.config.led_frame import (
+    LONGEST_PERIOD_US,
+    SHORTEST_PERIOD_US,
+    STROBE_SHARE,
+    LedFrameSettings,
+)
 from cornertouchd.config.output import TuioSettings
 from cornertouchd.config.rig import CamerasSettings, SurfaceSettings
 from cornertouchd.config.stages import CrossingSettings, PairingSettings, VisionSettings
@@ -39,6 +45,7 @@ def find_contradictions(
     *,
     surface: SurfaceSettings,
     cameras: CamerasSettings,
+    led_frame: LedFrameSettings,
     vision: VisionSettings,
     pairing: PairingSettings,
     crossing: CrossingSettings,
@@ -50,6 +57,8 @@ def find_contradictions(
         *_devices_used_once(cameras),
         *_bands_in_pictures(cameras),
         *_in_order(("cameras",), cameras, "reopen_delay_s", "reopen_delay_max_s"),
+        *_flashes_within_limits(cameras, led_frame),
+        *_in_order(("led_frame",), led_frame, "level_min", "level_max"),
         *_in_order(("vision",), vision, "edge_level", "shadow_below"),
         *_in_order(("vision", "paper"), vision.paper, "t2_px", "t3_px"),
         *_in_order(("pairing",), pairing, "tolerance_ms", "deadline_ms"),
@@ -110,6 +119,30 @@ def _bands_in_pictures(cameras: CamerasSettings) -> Iterator[Contradiction]:
                 f"rows_px = {unit.rows_px} end at row {end_px}, below the picture: "
                 f"[cameras] height_px = {cameras.height_px}; make the band end there at the latest",
             )
+
+
+def _flashes_within_limits(
+    cameras: CamerasSettings, led_frame: LedFrameSettings
+) -> Iterator[Contradiction]:
+    if not led_frame.enabled:
+        return
+    period_us = led_frame.period_us(cameras.rate_hz)
+    table, rate_hz = (
+        ("led_frame", led_frame.rate_hz) if led_frame.rate_hz else ("cameras", cameras.rate_hz)
+    )
+    if not SHORTEST_PERIOD_US <= period_us <= LONGEST_PERIOD_US:
+        yield Contradiction(
+            ((table, "rate_hz"), ("led_frame", "enabled")),
+            f"[{table}] rate_hz = {rate_hz}: the LED frame flashes "
+            f"{1e6 / LONGEST_PERIOD_US:g} to {1e6 / SHORTEST_PERIOD_US:g} times a second; "
+            "set a rate in these bounds",
+        )
+    elif led_frame.strobe_us > STROBE_SHARE * period_us:
+        yield Contradiction(
+            (("led_frame", "strobe_us"), (table, "rate_hz")),
+            f"[led_frame] strobe_us = {led_frame.strobe_us} is more than a fifth of the period at "
+            f"[{table}] rate_hz = {rate_hz}; set at most {STROBE_SHARE * period_us:.0f}",
+        )
 
 
 def _in_order(

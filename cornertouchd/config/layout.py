@@ -17,6 +17,7 @@ UNITS = {
     "_px": "pixels",
     "_hz": "Hz",
     "_ms": "ms",
+    "_us": "µs",
     "_s": "s",
     "_deg": "degrees",
 }

@@ -207,7 +207,7 @@ def _describe_unknown(fault: _Fault) -> str:
     near = _nearest(key, known)
     if near:
         remedy = f"did you mean {near}?"
-    elif home := _nearest_elsewhere(key):
+    elif home := _nearest_elsewhere(key, fault.location[0]):
         remedy = f"did you mean {home}?"
     else:
         remedy = f"known here: {', '.join(known)}"
@@ -220,10 +220,13 @@ def _nearest(key: str, known: Collection[str]) -> str | None:
     return lower[near[0]] if near else None
 
 
-def _nearest_elsewhere(key: str) -> str | None:
-    """Return the setting of any table whose key is nearest, as a person would look for it."""
+def _nearest_elsewhere(key: str, top: str | int) -> str | None:
+    """Return the setting of any table whose key is nearest, as a person would look for it.
+
+    Of tables that have the same key, those in the table `top` come first.
+    """
     homes: dict[str, Location] = {}
-    for location, table in tables_of(Settings()):
+    for location, table in sorted(tables_of(Settings()), key=lambda one: one[0][:1] != (top,)):
         for known in keys_of(type(table)):
             homes.setdefault(known, location)
     near = _nearest(key, homes)

@@ -5,6 +5,7 @@ from typing import Self
 from pydantic import model_validator
 
 from cornertouchd.config.consistency import ContradictionError, find_contradictions
+from cornertouchd.config.led_frame import LedFrameSettings
 from cornertouchd.config.output import TuioSettings
 from cornertouchd.config.rig import (
     CalibrationSettings,
@@ -32,6 +33,7 @@ class Settings(Table):
     surface: SurfaceSettings = SurfaceSettings()
     calibration: CalibrationSettings = CalibrationSettings()
     cameras: CamerasSettings = CamerasSettings()
+    led_frame: LedFrameSettings = LedFrameSettings()
     simulation: SimulationSettings = SimulationSettings()
     vision: VisionSettings = VisionSettings()
     background: BackgroundSettings = BackgroundSettings()
@@ -49,6 +51,7 @@ class Settings(Table):
         found = find_contradictions(
             surface=self.surface,
             cameras=self.cameras,
+            led_frame=self.led_frame,
             vision=self.vision,
             pairing=self.pairing,
             crossing=self.crossing,
