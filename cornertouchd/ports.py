@@ -148,6 +148,10 @@ class LedFrame(Protocol):
         """How it fares now.  Any thread may ask."""
         ...
 
+    def start(self) -> None:
+        """Begin to look for it."""
+        ...
+
     def configure(self, light: Light) -> None:
         """Set levels, timing and pattern."""
         ...

@@ -48,7 +48,13 @@ def run(config_file: Path | None) -> None:
         make = partial(make_parts, config_file, os.environ, clock)
         parts = make()
         daemon = Daemon(
-            parts.ports, parts.calibration, parts.sinks, parts.settings, clock, parts.plugs
+            parts.ports,
+            parts.calibration,
+            parts.sinks,
+            parts.settings,
+            clock,
+            parts.plugs,
+            parts.light,
         )
         _log.info("running: %d cameras, TUIO to %s", len(parts.ports), _receivers(parts))
         report = ServiceReport(manager, daemon, clock)

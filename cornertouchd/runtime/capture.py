@@ -16,9 +16,13 @@ from cornertouchd.pipeline import CameraPipeline, PictureError
 from cornertouchd.ports import Camera, CameraError, CameraPort
 from cornertouchd.runtime.faults import GOOD_TO_RECOVER, FaultLog
 from cornertouchd.runtime.latest import Latest
+from cornertouchd.runtime.led_light import CameraLight
 from cornertouchd.runtime.recovery import Recovery, may_be_cured_by_reset
 from cornertouchd.vision.lighting import Lighting, lighting
 from cornertouchd.vision.strip_shift import StripShift
+
+LEFT_OUT_IN_A_ROW = 50
+"""Pictures left out one after the other until the camera counts as lost: half a second."""
 
 _log = logging.getLogger("cornertouchd")
 
@@ -41,31 +45,33 @@ class CaptureCounts:
 
 @dataclass(frozen=True, slots=True)
 class CaptureStages:
-    """What the pictures of one camera go through, and where the observations go."""
+    """What the pictures of one camera go through, and where the observations go.
+
+    `light` tells how they were lit; None if they tell themselves, or are always lit.
+    """
 
     calibration: CameraCalibration
     pipeline: CameraPipeline
     box: Latest[Observation]
+    light: CameraLight | None = None
 
 
 class CaptureThread:
     """Reads one camera, as long as it is the one that was calibrated.
 
     Guarantees: no exception of the camera or of a stage ends the thread; pixels never leave it.
-    Assumes that `pipeline` is used by nobody else.
+    Assumes that the pipeline of its stages is used by nobody else.
     """
 
     def __init__(
         self,
         port: CameraPort,
-        calibration: CameraCalibration,
-        pipeline: CameraPipeline,
-        box: Latest[Observation],
+        stages: CaptureStages,
         settings: CamerasSettings,
         recovery: Recovery,
     ) -> None:
         self._port = port
-        self._wanted = CaptureStages(calibration, pipeline, box)
+        self._wanted = stages
         self._settings = settings
         self._recovery = recovery
         self._reset_may_help = False
@@ -150,6 +156,8 @@ class CaptureThread:
         self._calibration = stages.calibration
         self._pipeline = stages.pipeline
         self._box = stages.box
+        self._light = stages.light
+        self._left_out_in_a_row = 0
         self._shift: StripShift | None = None
         self._blind = stages.pipeline.blind_columns  # whoever made the pipeline has told them
 
@@ -184,15 +192,20 @@ class CaptureThread:
                 return
             if frame is not None and self._observe(frame):
                 in_a_row = 0
-                self._live = True
+                self._live = self._left_out_in_a_row < LEFT_OUT_IN_A_ROW
             elif not self._stop.is_set():
                 in_a_row += 1
                 if frame is None:
                     self._live = False
                     self._faults.fault(f"no picture for {self._settings.read_timeout_s:g} s")
 
-    def _observe(self, frame: Frame) -> bool:
+    def _observe(self, given: Frame) -> bool:
         self._follow_exchange()
+        frame = given if self._light is None else self._light.label(given)
+        if frame is None:
+            self._leave_out()
+            return True  # the camera itself is well
+        self._left_out_in_a_row = 0
         lit = lighting(frame)
         if lit is Lighting.PARTLY:
             self._faults.fault("picture not usable", "only some sides of the frame were lit")
@@ -211,9 +224,21 @@ class CaptureThread:
         self._frames += 1
         self._faults.good()
         self._box.put(frame.camera, observation)
+        if self._light is not None:
+            self._light.note_shadows(len(observation.shadows), frame.captured_at_s)
         self._watch("strip not watched", self._watch_strip, frame)
         self._watch("blind columns not looked for", self._watch_blind_columns, frame)
         return True
+
+    def _leave_out(self) -> None:
+        """Count a picture of which it is not known how it was lit."""
+        self._left_out_in_a_row += 1
+        if self._left_out_in_a_row >= LEFT_OUT_IN_A_ROW:
+            self._faults.fault(
+                "no light",
+                "the strip is dark, or the LED frame does not tell how it shines: is it connected, "
+                "and triggers the camera? See `cornertouchd leds status`",
+            )
 
     def _watch(self, fault: str, watch: Callable[[Frame], None], frame: Frame) -> None:
         """Look for what is told beside the observation, which is on its way."""
@@ -238,7 +263,8 @@ class CaptureThread:
         before, self._blind = self._blind, blind
         for columns in blind:
             if columns not in before:
-                _log.warning("camera %s: %s", frame.camera, columns)
+                said = str(columns) if self._light is None else self._light.masked(columns)
+                _log.warning("camera %s: %s", frame.camera, said)
         for columns in before:
             if columns not in blind:
                 _log.warning(

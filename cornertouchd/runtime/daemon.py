@@ -17,6 +17,7 @@ from cornertouchd.ports import CameraPlug, CameraPort, Clock, TouchSink
 from cornertouchd.runtime.capture import CaptureCounts, CaptureStages, CaptureThread
 from cornertouchd.runtime.fusing import FusionCounts, FusionStages, FusionThread
 from cornertouchd.runtime.latest import Latest
+from cornertouchd.runtime.led_light import LedLight, LightState
 from cornertouchd.runtime.realtime import prioritise
 from cornertouchd.runtime.recovery import Recovery
 from cornertouchd.vision.background import MaskedColumns
@@ -40,6 +41,7 @@ class DaemonStages:
     calibration: Calibration
     settings: Settings
     plugs: Mapping[str, CameraPlug]
+    light: LedLight | None = None
 
     def with_sinks(self, sinks: Sequence[TouchSink], settings: Settings) -> "DaemonStages":
         """Return the same with other sinks: what has been learned and touches go on."""
@@ -52,8 +54,9 @@ def make_stages(
     sinks: Sequence[TouchSink],
     settings: Settings,
     plugs: Mapping[str, CameraPlug] = NO_PLUGS,
+    light: LedLight | None = None,
 ) -> DaemonStages:
-    """Return new stages; takes a while.
+    """Return new stages; takes a while.  `light` is the LED frame, if a controller strobes it.
 
     Raises `CalibrationError` if a camera does not fit the calibration.
     """
@@ -62,20 +65,23 @@ def make_stages(
     for port in ports:
         camera = calibration.camera(port.id)
         camera.require_camera(port.format, port.identity)
-        captures[port.id] = CaptureStages(camera, CameraPipeline(camera, settings), box)
+        pipeline = CameraPipeline(camera, settings)
+        lit_by = None if light is None else light.of(port.id)
+        captures[port.id] = CaptureStages(camera, pipeline, box, lit_by)
     for camera_id, stages in captures.items():
         for columns in stages.pipeline.blind_columns:
             _log.warning("camera %s: %s", camera_id, columns)
     pairing = FrameSetPairing([port.id for port in ports], settings.pairing)
     surface = SurfacePipeline(calibration, settings)
     fusion = FusionStages(box, pairing, surface, sinks, tuple(captures))
-    return DaemonStages(ports, captures, fusion, calibration, settings, plugs)
+    return DaemonStages(ports, captures, fusion, calibration, settings, plugs, light)
 
 
 class Daemon:
     """A rig at work.  Raises `CalibrationError` if a camera does not fit the calibration.
 
-    `plugs` are where cameras are plugged in, by name, as far as they can be looked at.
+    `plugs` are where cameras are plugged in, by name, as far as they can be looked at; `light` is
+    the LED frame, if a controller strobes it.
     """
 
     def __init__(
@@ -86,8 +92,9 @@ class Daemon:
         settings: Settings,
         clock: Clock,
         plugs: Mapping[str, CameraPlug] = NO_PLUGS,
+        light: LedLight | None = None,
     ) -> None:
-        self._stages = make_stages(ports, calibration, sinks, settings, plugs)
+        self._stages = make_stages(ports, calibration, sinks, settings, plugs, light)
         self._captures = [_make_capture(self._stages, port, clock) for port in ports]
         self._fusion = FusionThread(self._stages.fusion, clock, self._live_cameras)
         self._clock = clock
@@ -105,6 +112,8 @@ class Daemon:
         """
         gc.collect()
         gc.freeze()
+        if self._stages.light is not None:
+            self._stages.light.start()
         self._fusion.start()
         for capture in self._captures:
             capture.start()
@@ -124,6 +133,7 @@ class Daemon:
         gone = [one for one in self._captures if one not in kept]
         for capture in kept:
             capture.exchange(stages.captures[capture.camera])
+        self._exchange_light(stages.light)
         self._captures = kept  # the only ones that both pairings know
         if not self._fusion.exchange(stages.fusion, STOP_S):
             _log.warning("the fusion thread is busy; it follows the new configuration later")
@@ -148,7 +158,19 @@ class Daemon:
         for capture in self._captures:
             capture.stop()
         self._join([self._fusion, *self._captures])
+        if self._stages.light is not None:
+            self._stages.light.close()
         gc.unfreeze()
+
+    def _exchange_light(self, light: LedLight | None) -> None:
+        """Let another LED frame shine; both may be at the same port."""
+        before = self._stages.light
+        if light is before:
+            return
+        if before is not None:
+            before.close()
+        if light is not None:
+            light.start()
 
     def _join(self, threads: Sequence[CaptureThread | FusionThread]) -> None:
         until_s = self._clock.now_s() + STOP_S
@@ -184,6 +206,11 @@ class Daemon:
             for camera, stages in self._stages.captures.items()
         }
 
+    def light_state(self) -> LightState | None:
+        """Return how the LED frame does, None if no controller strobes it."""
+        light = self._stages.light
+        return None if light is None else light.state(self.masked_columns())
+
     def strip_shifts(self) -> Mapping[str, StripShift]:
         """Return the cameras whose strips are not where they were calibrated, and how far off."""
         captures = self._stages.captures
@@ -197,4 +224,4 @@ class Daemon:
 def _make_capture(stages: DaemonStages, port: CameraPort, clock: Clock) -> CaptureThread:
     used, settings = stages.captures[port.id], stages.settings.cameras
     recovery = Recovery(port.id, stages.plugs.get(port.id), settings, clock)
-    return CaptureThread(port, used.calibration, used.pipeline, used.box, settings, recovery)
+    return CaptureThread(port, used, settings, recovery)

@@ -17,6 +17,7 @@ from cornertouchd.runtime.assembly import (
     make_ports,
     make_tuio_sink,
 )
+from cornertouchd.runtime.led_light import LedLight, make_light
 
 BEHIND_THE_SINKS = ("tuio", "runtime")
 """Settings that no picture and no touch depends on."""
@@ -33,6 +34,7 @@ class Parts:
     ports: Sequence[CameraPort]
     sinks: Sequence[TouchSink]
     plugs: Mapping[str, CameraPlug]
+    light: LedLight | None = None
 
     def sees_as(self, other: "Parts") -> bool:
         """Tell whether the same pictures would give the same touches."""
@@ -67,7 +69,10 @@ def make_parts(
         if before is not None and alike
         else (make_tuio_sink(settings, calibration.surface_mm, _name(path), display),)
     )
-    return Parts(path, settings, calibration, display, ports, sinks, make_plugs(settings))
+    light = before.light if before is not None else None
+    if light is None or not light.fits(settings, calibration):
+        light = make_light(settings, calibration)
+    return Parts(path, settings, calibration, display, ports, sinks, make_plugs(settings), light)
 
 
 def _name(path: Path | None) -> str:

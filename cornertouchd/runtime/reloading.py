@@ -106,7 +106,12 @@ class Reload:
         before, present = self._parts, self._daemon.stages
         if not parts.sees_as(before):
             return make_stages(
-                parts.ports, parts.calibration, parts.sinks, parts.settings, parts.plugs
+                parts.ports,
+                parts.calibration,
+                parts.sinks,
+                parts.settings,
+                parts.plugs,
+                parts.light,
             )
         if parts.sinks is before.sinks and parts.settings == before.settings:
             return present

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from cornertouchd.ports import Clock
 from cornertouchd.runtime.daemon import Daemon
+from cornertouchd.runtime.led_light import LightState
 from cornertouchd.runtime.notify import ServiceManager
 
 READY_WITHIN_S = 10.0
@@ -20,17 +21,22 @@ LOOK_FOR_READY_S = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """How the daemon does: all its cameras, which of them are lost, what the others give."""
+    """How the daemon does: all its cameras, which of them are lost, what the others give.
+
+    `light` is the LED frame, None if no controller strobes it.
+    """
 
     cameras: Sequence[str]
     lost: Sequence[str]
     frame_sets_per_s: float
     touches: int
+    light: LightState | None = None
 
     @property
     def is_degraded(self) -> bool:
         """Whether something is missing."""
-        return bool(self.lost) or not self.frame_sets_per_s
+        in_the_dark = self.light is not None and not self.light.is_well
+        return bool(self.lost) or not self.frame_sets_per_s or in_the_dark
 
     def __str__(self) -> str:
         """Say it in one line."""
@@ -42,8 +48,10 @@ class Condition:
         )
         if not self.is_degraded:
             return said
-        what = f"{', '.join(self.lost)} lost" if self.lost else "cameras never see the same instant"
-        return f"degraded: {what}; {said}"
+        what = f"{', '.join(self.lost)} lost" if self.lost else ""
+        if self.light is not None and not self.light.is_well:
+            what = f"{self.light}{', ' * bool(what)}{what}"
+        return f"degraded: {what or 'cameras never see the same instant'}; {said}"
 
 
 class ServiceReport:
@@ -115,7 +123,8 @@ class ServiceReport:
         elapsed_s = max(now_s - since_s, LOOK_FOR_READY_S)
         rate_hz = (counts.frame_sets - self._frame_sets) / elapsed_s
         lost = [camera for camera, each in cameras.items() if not each.live]
-        return Condition(tuple(cameras), lost, rate_hz, counts.touches_now)
+        light = self._daemon.light_state()
+        return Condition(tuple(cameras), lost, rate_hz, counts.touches_now, light)
 
     def _count_from(self, now_s: float) -> None:
         self._counted_at_s = now_s

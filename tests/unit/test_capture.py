@@ -16,7 +16,7 @@ from cornertouchd.config import CamerasSettings
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.model import Frame, Observation, PictureFormat, Shadows
 from cornertouchd.ports import CameraError
-from cornertouchd.runtime.capture import CaptureThread
+from cornertouchd.runtime.capture import CaptureStages, CaptureThread
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.latest import Latest
 from cornertouchd.runtime.recovery import Recovery
@@ -125,9 +125,7 @@ def run() -> Iterator[object]:
         port.exchanged_at.update(exchanged_at)
         thread = CaptureThread(
             port,
-            CALIBRATED,
-            StubPipeline(),
-            box,
+            CaptureStages(CALIBRATED, StubPipeline(), box),
             FAST,
             Recovery("C1", None, FAST, MonotonicClock()),
         )

@@ -41,6 +41,9 @@ class FakeDaemon:
     def camera_counts(self) -> dict[str, CaptureCounts]:
         return {camera: CaptureCounts(0, 0, 1, camera in self.live, 0) for camera in ALL}
 
+    def light_state(self) -> None:
+        return None
+
     def fusion_counts(self) -> FusionCounts:
         return self.counts
 
