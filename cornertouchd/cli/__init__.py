@@ -17,6 +17,7 @@ COMMANDS = {
     "cameras": "Show what cameras there are and bind them to corners.",
     "check": "Look at everything that can be wrong, and say what to do.",
     "demo": "Simulate a rig with moving fingers and send its touches as TUIO.",
+    "leds": "Look at the LED frame, try it out, write its firmware.",
     "listen": "Show the touches that a TUIO tracker sends, whichever it is.",
     "record": "Record the configured cameras into a directory until Ctrl-C.",
     "replay": "Replay a recording through the whole pipeline.",

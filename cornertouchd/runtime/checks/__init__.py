@@ -7,6 +7,7 @@ from cornertouchd.runtime.checks.bandwidth import bandwidth_of
 from cornertouchd.runtime.checks.cameras import cameras_of
 from cornertouchd.runtime.checks.files import calibration_of, disk_of, kernels_of
 from cornertouchd.runtime.checks.installation import Installation
+from cornertouchd.runtime.checks.led_frame import led_frame_of
 from cornertouchd.runtime.checks.machine import clock_of, groups_of, real_time_of, service_of
 from cornertouchd.runtime.checks.targets import targets_of
 
@@ -15,6 +16,7 @@ CHECKS: dict[str, Callable[[Installation], Iterator[Finding]]] = {
     "permissions": groups_of,
     "cameras": cameras_of,
     "bandwidth": bandwidth_of,
+    "LED frame": led_frame_of,
     "calibration": calibration_of,
     "TUIO": targets_of,
     "real time": real_time_of,
