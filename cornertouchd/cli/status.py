@@ -39,7 +39,8 @@ DAY_S = 86400.0
 def status(surface: str | None, as_json: bool, watch: bool, socket_file: Path | None) -> None:
     """Tell how the running daemon does.
 
-    Of several that run as cornertouchd@SURFACE, SURFACE says which is meant. Exit status 0 if all is well, 1 if something is missing, 2 if no daemon answers.
+    Of several that run as cornertouchd@SURFACE, SURFACE says which is meant. Exit status 0 if all
+    is well, 1 if something is missing, 2 if no daemon answers.
     """
     path = socket_file or _socket(surface)
     if watch:
@@ -118,8 +119,16 @@ def _lines(told: dict[str, Any]) -> Iterator[Text | Table]:
     for to in told["destinations"]:
         sent = f"{to['packets_sent']} packets, {to['errors']} errors"
         facts.add_row("TUIO", f"{to['host']}:{to['port']}; {sent}")
+    if told["light"] is not None:
+        facts.add_row("LED frame", _light(told["light"]))
     yield facts
     yield _cameras(told["cameras"])
+
+
+def _light(told: dict[str, Any]) -> str:
+    levels = "/".join(str(level) for level in told["levels"])
+    said = f"{told['controller'] or 'lost'} at {told['port']}; {told['pattern']}, levels {levels}"
+    return f"{said}, dimmed" if told["dimmed"] else said
 
 
 def _cameras(told: list[dict[str, Any]]) -> Table:

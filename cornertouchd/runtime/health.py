@@ -10,6 +10,7 @@ from cornertouchd.ports import Clock, TouchSink
 from cornertouchd.runtime.capture import CaptureCounts
 from cornertouchd.runtime.daemon import Daemon
 from cornertouchd.runtime.fusing import FusionCounts
+from cornertouchd.runtime.led_light import LightState
 
 State = Literal["healthy", "degraded"]
 
@@ -36,7 +37,7 @@ class CameraHealth:
 class Health:
     """The daemon at one moment; `problems` say what is wrong, `hints` what may become so.
 
-    The rates are those of the last second or so.
+    The rates are those of the last second or so.  `light` is None if no controller strobes it.
     """
 
     state: State
@@ -47,6 +48,7 @@ class Health:
     fusion: FusionCounts
     cameras: tuple[CameraHealth, ...]
     destinations: tuple[DestinationStatus, ...]
+    light: LightState | None
     calibrated_at: str
     residual_mm: float
 
@@ -99,7 +101,8 @@ class HealthWatch:
         frame_sets_per_s = max(fusion.frame_sets - self._frame_sets, 0) / span_s
         self._frame_sets = fusion.frame_sets
         self._pictures = {name: each.frames for name, each in counts.items()}
-        problems = tuple(_problems(cameras, frame_sets_per_s))
+        light = daemon.light_state()
+        problems = tuple(_problems(cameras, frame_sets_per_s, light))
         return Health(
             "degraded" if problems else "healthy",
             problems,
@@ -109,6 +112,7 @@ class HealthWatch:
             fusion,
             cameras,
             destinations,
+            light,
             stages.calibration.created_at,
             stages.calibration.residual_mm,
         )
@@ -140,10 +144,14 @@ class HealthWatch:
         ]
 
 
-def _problems(cameras: Sequence[CameraHealth], frame_sets_per_s: float) -> list[str]:
-    lost = [f"camera {each.id} lost" for each in cameras if not each.live]
-    if lost or frame_sets_per_s:
-        return lost
+def _problems(
+    cameras: Sequence[CameraHealth], frame_sets_per_s: float, light: LightState | None
+) -> list[str]:
+    found = [f"camera {each.id} lost" for each in cameras if not each.live]
+    if light is not None and not light.is_well:
+        found.append(str(light))
+    if found or frame_sets_per_s:
+        return found
     return ["the cameras never see the same instant"]
 
 

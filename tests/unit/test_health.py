@@ -17,6 +17,7 @@ from cornertouchd.devices.udp_destination import DestinationStatus
 from cornertouchd.runtime.capture import CaptureCounts
 from cornertouchd.runtime.fusing import FusionCounts
 from cornertouchd.runtime.health import HealthWatch, as_json
+from cornertouchd.runtime.led_light import LightState
 from cornertouchd.runtime.status_socket import StatusSocket, read_status
 
 GAME = DestinationStatus("127.0.0.1", 3333, 10, 0, None)
@@ -37,6 +38,7 @@ class Rig:
         self.pipeline = SimpleNamespace(blind_columns=(), strip_shift=None)
         self.sink = FakeSink()
         self.drift, self.dirt = None, ()
+        self.light: LightState | None = None
 
     def now_s(self) -> float:
         return self.time_s
@@ -48,6 +50,9 @@ class Rig:
             fusion=SimpleNamespace(sinks=[self.sink]),
             calibration=SimpleNamespace(created_at="2026-01-02T03:04:05+00:00", residual_mm=0.1),
         )
+
+    def light_state(self) -> LightState | None:
+        return self.light
 
     def camera_counts(self) -> dict[str, CaptureCounts]:
         return {
@@ -117,6 +122,14 @@ def test_cameras_without_frame_sets_are_a_problem(rig: Rig, watch: HealthWatch) 
     assert watch.now.problems == ("the cameras never see the same instant",)
 
 
+def test_an_led_frame_that_does_not_shine_is_a_problem(rig: Rig, watch: HealthWatch) -> None:
+    rig.light = LightState("/dev/ttyACM0", "", (), "constant", (9, 9, 9, 9), False, None, 0, 0, {})
+    rig.go_on(1.0, 100)
+    watch.look()
+    assert watch.now.problems == ("LED frame lost",)
+    assert json.loads(as_json(watch.now))["light"]["levels"] == [9, 9, 9, 9]
+
+
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     return tmp_path / "run" / "status.sock"
@@ -142,10 +155,14 @@ def test_the_exit_status_tells_healthy_from_degraded(
     assert (told.exit_code, told.stdout.splitlines()[0]) == (0, "healthy")
     assert "127.0.0.1:3333; 10 packets, 0 errors" in told.stdout
     rig.live["C1"] = False
+    rig.light = LightState(
+        "/dev/ttyACM0", "armed", (), "ambient", (9, 8, 9, 8), False, 31.0, 1, 0, {}
+    )
     rig.go_on(1.0, 100)
     watch.look()
     told = status(path)
     assert told.exit_code == 1
+    assert "armed at /dev/ttyACM0; ambient, levels 9/8/9/8" in told.stdout
     assert "camera C1 lost" in told.stdout
     as_object = json.loads(status(path, "--json").stdout)
     assert as_object["problems"] == ["camera C1 lost"]
