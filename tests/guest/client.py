@@ -4,9 +4,10 @@ import socket
 import threading
 import time
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+from uvc.rig import UvcRig
 from uvc.show import SURFACE_MM, Place, Show, distance_mm
 
 from cornertouchd.wire.tuio_reader import TuioReader
@@ -55,16 +56,10 @@ class TuioClient:
         first = bisect_right(self._times_s, time_s)
         return any(self._shown[first:])
 
-    def stood_still_s(self, first_s: float, last_s: float) -> float:
-        """Return how long the guest stood still, of all that reached into this time.
-
-        A machine that is busy with other things gives it no processor for seconds.
-        """
-        return sum(
-            min(end_s, last_s) - begin_s
-            for begin_s, end_s in self._standstills
-            if end_s > first_s and begin_s < last_s
-        )
+    @property
+    def standstills(self) -> tuple[tuple[float, float], ...]:
+        """From when to when the guest stood still: a busy machine gives it no processor."""
+        return tuple(self._standstills)
 
     def shown_at(self, time_s: float) -> Touches:
         """Return what the client showed at a time."""
@@ -124,20 +119,21 @@ class Seen:
 
 
 def compare(
-    client: TuioClient, show: Show, start_s: float, span_s: tuple[float, float], near_mm: float
+    client: TuioClient, show: Show, rig: UvcRig, span_s: tuple[float, float], near_mm: float
 ) -> Seen:
-    """Compare what a client showed with the show that began at `start_s`.
+    """Compare what a client showed with what the cameras were shown.
 
-    Every touch must be within `near_mm` of where a finger was in the last `LATE_S`, and while the
-    guest stood still; a finger that was down all that time must have a touch there.
+    Every touch must be within `near_mm` of where a finger was in the last `LATE_S`, and while
+    guest or cameras stood still; a finger that was down all that time must have a touch there.
     """
     errors_mm: list[float] = []
     wrong: list[tuple[float, Place, float]] = []
     ids: set[int] = set()
     down_s = missing_s = 0.0
+    standstills = client.standstills, rig.standstills()
     for time_s, touches in client.shown_between(*span_s):
-        late_s = LATE_S + client.stood_still_s(time_s - LATE_S, time_s)
-        sets = show.between(time_s - start_s - late_s, time_s - start_s)
+        late_s = LATE_S + max(stood_still_s(each, time_s - LATE_S, time_s) for each in standstills)
+        sets = show.between(time_s - rig.start_s - late_s, time_s - rig.start_s)
         ids.update(touches)
         for place in touches.values():
             off_mm = min(
@@ -156,6 +152,17 @@ def compare(
             down_s += STEP_S
             missing_s += 0.0 if shown else STEP_S
     return Seen(tuple(errors_mm), tuple(wrong), down_s, missing_s, len(ids))
+
+
+def stood_still_s(
+    standstills: Iterable[tuple[float, float]], first_s: float, last_s: float
+) -> float:
+    """Return how long those standstills were until `last_s` that reach into this time."""
+    return sum(
+        min(end_s, last_s) - begin_s
+        for begin_s, end_s in standstills
+        if end_s > first_s and begin_s < last_s
+    )
 
 
 def _down_all_the_time(sets: tuple[tuple[Place, ...], ...]) -> list[tuple[Place, ...]]:

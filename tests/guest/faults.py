@@ -5,14 +5,15 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from guest.client import Seen, TuioClient, compare, wait_until
+from guest.client import Seen, TuioClient, compare, stood_still_s, wait_until
 from guest.running import RunningDaemon
 from uvc.rig import UvcRig
 from uvc.show import CAMERAS, RATE_HZ, Show
 
 from cornertouchd.runtime.faults import GOOD_TO_RECOVER
 
-WORKS = re.compile(r"camera (C\d): works again")
+FAILS = re.compile(r"ERROR camera (C\d): |camera (C\d): columns \S+ see little or nothing: all")
+WORKS = re.compile(r"camera (C\d): (?:works|columns \S+ see) again")
 SILENT = re.compile(r"camera (C\d): more than \d+ messages")
 NEAR_MM = 5.0
 """With cameras missing or mad, a touch this far from any finger is one that is not there."""
@@ -21,8 +22,9 @@ TOLD_S = (GOOD_TO_RECOVER - 1) / RATE_HZ
 """A camera is said to work again so long after the first picture that is used, or longer."""
 BACK_S = 2.0 + TOLD_S
 """A camera that is plugged in again is in service within 2 s of its node."""
-RECOVERS_S = 10.0
-"""A camera that fails while it is there is opened anew after growing delays."""
+RECOVERS_S = 20.0
+"""A camera that fails while it is there is opened anew after growing delays; a quiet machine
+needs 5 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +101,8 @@ def live_through(
     time.sleep(SETTLES_S)
     said = daemon.said_since(began_s)
     recovered_s = max(_works_s(said, camera, whole_s) - mended_s[camera] for camera in mended_s)
-    seen = compare(client, show, rig.start_s, (began_s, time.monotonic()), NEAR_MM)
+    recovered_s -= stood_still_s(client.standstills, min(mended_s.values()), whole_s)
+    seen = compare(client, show, rig, (began_s, time.monotonic()), NEAR_MM)
     return Episode(fault, tuple(line for _, line in said), seen, max(0.0, recovered_s))
 
 
@@ -120,6 +123,6 @@ def _in_trouble(daemon: RunningDaemon, since_s: float) -> set[str]:
     for _, line in daemon.said_since(since_s):
         if over := WORKS.search(line) or SILENT.search(line):
             trouble.discard(over[1])
-        elif fault := re.search(r"ERROR camera (C\d): ", line):
-            trouble.add(fault[1])
+        elif fault := FAILS.search(line):
+            trouble.add(fault[1] or fault[2])
     return trouble

@@ -30,10 +30,6 @@ def write_config(path: Path, show: Show, more: str = "") -> Path:
         f"height_px = {HEIGHT_PX}",
         f"rate_hz = {RATE_HZ}",
         more,
-        # One processor serves four cameras: their pictures come some milliseconds apart.
-        "[pairing]",
-        "tolerance_ms = 8.0",
-        "deadline_ms = 60.0",
     ]
     for camera in CAMERAS:
         lines += [f"[cameras.{camera}]", f'device = "{device(camera)}"']

@@ -109,16 +109,23 @@ class UvcRig:
         """End all faults of a camera that is plugged in."""
         self._do(camera, "go")
 
+    def standstills(self) -> list[tuple[float, float]]:
+        """Return from when to when no camera sent anything, though it was to."""
+        return [(begin_s, end_s) for begin_s, end_s in json.loads(self._ask("standstills"))]
+
     def _do(self, camera: str, command: str) -> None:
         answer = self._tell(camera, command)
         if answer != "ok":
             raise RuntimeError(f"camera {camera}: {command}: {answer}")
 
     def _tell(self, camera: str, command: str) -> str:
+        return self._ask(f"{camera} {command}")
+
+    def _ask(self, line: str) -> str:
         assert self._process is not None
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        self._process.stdin.write(f"{camera} {command}\n")
+        self._process.stdin.write(f"{line}\n")
         self._process.stdin.flush()
         return self._process.stdout.readline().strip()
 

@@ -2,6 +2,7 @@
 
 Started by `rig.UvcRig` with a JSON object as its argument.  Commands come as lines on stdin, a
 camera's name and what it is to do; each is answered by a line on stdout: "ok", or what went wrong.
+"standstills" is answered by the times, as pairs, between which all cameras stood still.
 On a machine that cannot follow, all cameras leave out the same pictures, as triggered ones do.
 """
 
@@ -16,6 +17,9 @@ from uvc.camera import UvcCamera
 from uvc.descriptors import CameraKind
 from uvc.pictures import PictureLoop
 
+STANDSTILL_S = 0.1
+"""Longer between two turns, and no camera sent anything: the machine was busy, or its kernel with a
+plug."""
 NICE = 5
 """Cameras of their own would not take the daemon's processor."""
 
@@ -30,8 +34,13 @@ def main() -> None:
         for name, one in given["cameras"].items()
     }
     typed, shown = b"", -1
+    standstills: list[tuple[float, float]] = []
+    before_s = time.monotonic()
     while True:
         now_s = time.monotonic()
+        if now_s - before_s > STANDSTILL_S:
+            standstills.append((before_s, now_s))
+        before_s = now_s
         number = int((now_s - start_s) * rate_hz)
         if number > shown:
             shown = number
@@ -52,7 +61,9 @@ def main() -> None:
                     return
                 *lines, typed = (typed + read).split(b"\n")
                 for line in lines:
-                    print(_obey(cameras, line.decode()), flush=True)
+                    asked = line == b"standstills"
+                    answer = json.dumps(standstills) if asked else _obey(cameras, line.decode())
+                    print(answer, flush=True)
             else:
                 linked[ready].receive()
 
