@@ -11,6 +11,7 @@ from uvc.rig import UvcRig
 from uvc.show import CAMERAS, RATE_HZ, Show
 
 from cornertouchd.runtime.faults import GOOD_TO_RECOVER
+from cornertouchd.runtime.service import STATUS_EVERY_S
 
 FAILS = re.compile(r"ERROR camera (C\d): |camera (C\d): columns \S+ see little or nothing: all")
 WORKS = re.compile(r"camera (C\d): (?:works|columns \S+ see) again")
@@ -92,6 +93,7 @@ def live_through(
     for camera in fault.cameras:
         fault.end(rig, camera)
         mended_s[camera] = time.monotonic()
+    time.sleep(1.2 * STATUS_EVERY_S)  # until then the last status may be from before
     wait_until(
         lambda: daemon.is_whole() and not _in_trouble(daemon, began_s),
         RECOVERS_S,
