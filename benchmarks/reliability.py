@@ -74,7 +74,7 @@ def _row(episode: dict[str, Any]) -> list[str]:
         "all" if len(cameras) == 4 else ", ".join(cameras),
         _messages(episode["said"]),
         _client(episode),
-        f"{episode['recovered_s']:.1f}" if episode["said"] else "not told",
+        f"{episode['recovered_s']:.1f}" if episode["recovered_s"] else "not told",
     ]
 
 
