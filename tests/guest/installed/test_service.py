@@ -1,6 +1,7 @@
-"""The daemon under systemd, in its unit as it is shipped: start, watchdog, crash, reload, sandbox.
+"""The package under systemd: install, start, watchdog, crash, reload, sandbox, upgrade, remove.
 
-Its rig is the simulated one: what is looked at here is the unit, not the cameras.
+The rig is the simulated one: what is looked at here is the installation, not the cameras.  One test
+goes on where the one before has ended.
 """
 
 import contextlib
@@ -8,7 +9,6 @@ import json
 import os
 import pwd
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -21,17 +21,23 @@ import pytest
 
 from cornertouchd.wire.tuio_reader import TuioReader
 
-pytestmark = pytest.mark.systemd
+pytestmark = [pytest.mark.systemd, pytest.mark.timeout(240)]
 
-ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = Path("/host/packages")
 UNIT = "cornertouchd.service"
 PROBE = "cornertouchd-probe.service"
 CONFIG = Path("/etc/cornertouchd/cornertouchd.toml")
-UNITS = Path("/run/systemd/system")
-CACHE = Path("/var/cache/cornertouchd")
-KERNELS = Path(os.environ.get("NUMBA_CACHE_DIR", "/host/compiled"))
+PROGRAM = Path("/usr/bin/cornertouchd")
+UNIT_FILE = Path("/lib/systemd/system") / UNIT
+STATE, CACHE = Path("/var/lib/cornertouchd"), Path("/var/cache/cornertouchd")
+OPT = Path("/opt/cornertouchd")
+CALIBRATION = STATE / "calibration.json"
 PATIENCE_S = 120.0
 """The guest has a tenth of a machine's speed: what must come comes within this."""
+
+BACK_WITHIN_S = 30.0
+"""On a machine touches are back in 3 s (benchmarks/restart.py).  The guest enters its kernel a
+tenth as fast, on one processor, which the simulated rig shares: it took RETURNED s here."""
 
 SIMULATED = """[cameras]
 source = "simulated"
@@ -44,7 +50,9 @@ port = {port}
 
 
 def run(*command: str) -> str:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    # What the harness sets for tests must not reach what is installed.
+    environ = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "DEBIAN_FRONTEND": "noninteractive"}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environ)
     assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}"
     return done.stdout
 
@@ -78,6 +86,10 @@ def is_ready(unit: str = UNIT) -> bool:
     return shows(unit, "ActiveState", "SubState") == ["active", "running"]
 
 
+def version_of() -> str:
+    return run("dpkg-query", "--show", "--showformat=${Version}", "cornertouchd")
+
+
 def write_config(path: Path = CONFIG, port: int = 3333, rate_hz: float = 10.0) -> None:
     path.write_text(SIMULATED.format(port=port, rate_hz=rate_hz))
 
@@ -105,42 +117,39 @@ class Listener:
         self._socket.close()
 
 
-@pytest.fixture(scope="module")
-def installed() -> None:
-    """What the package installs, from the checkout."""
-    program = Path("/usr/bin/cornertouchd")
-    if not program.exists():
-        run("env", "PYTHONPYCACHEPREFIX=/opt/pyc", sys.executable, "-m", "compileall", "-q",
-            str(ROOT / "cornertouchd"))  # fmt: skip
-        program.write_text(
-            "#!/bin/sh\nexport PYTHONPATH=/host/checkout:/host/site PYTHONPYCACHEPREFIX=/opt/pyc\n"
-            f'exec {sys.executable} -m cornertouchd "$@"\n'
-        )
-        program.chmod(0o755)
-        for unit in (ROOT / "systemd").glob("*.service"):
-            shutil.copy(unit, UNITS)
-        rules = Path("/run/udev/rules.d")
-        rules.mkdir(parents=True, exist_ok=True)
-        run("systemd-sysusers", str(ROOT / "systemd" / "cornertouchd.sysusers"))
-        shutil.copy(ROOT / "systemd" / "60-cornertouchd.rules", rules)
-        run("systemd-tmpfiles", "--create", str(ROOT / "systemd" / "cornertouchd.tmpfiles"))
-        run("udevadm", "control", "--reload")
-        CONFIG.parent.mkdir(exist_ok=True)
-    if KERNELS.is_dir():
-        shutil.copytree(KERNELS, CACHE, dirs_exist_ok=True)
-    run("chown", "-R", "cornertouchd:cornertouchd", str(CACHE))
-    run("systemctl", "daemon-reload")
+def install(package: str) -> str:
+    """Return what the installation said; a disk that is thrown away need not be waited for."""
+    began_s = time.monotonic()
+    said = run("dpkg", "--force-unsafe-io", "--install", str(PACKAGES / package))
+    print(f"\n  {package}: installed in {time.monotonic() - began_s:.1f} s", flush=True)
+    return said
 
 
 @pytest.fixture(scope="module")
-def service(installed: None) -> Iterator[str]:
+def installed() -> str:
+    """What the installation of the package said."""
+    return install("cornertouchd.deb")
+
+
+@pytest.fixture(scope="module")
+def service(installed: str) -> Iterator[str]:
     """The service, ready."""
     write_config()
     began_s = time.monotonic()
     run("systemctl", "start", UNIT)
     print(f"\n  first start: ready after {time.monotonic() - began_s:.1f} s")
     yield UNIT
-    run("systemctl", "stop", UNIT)
+    if PROGRAM.exists():
+        run("systemctl", "stop", UNIT)
+
+
+def test_the_package_is_ready_to_be_set_up(installed: str) -> None:
+    assert "/usr/share/doc/cornertouchd/kiosk.md" in installed
+    assert run(str(PROGRAM), "--version").strip().endswith(version_of())
+    assert list((OPT / "compiled").glob("*/*/*.nbc"))
+    assert not is_ready()
+    assert shows(UNIT, "UnitFileState") == ["enabled"]
+    assert "# " in CONFIG.read_text()
 
 
 @pytest.fixture
@@ -201,9 +210,11 @@ def test_a_daemon_that_hangs_is_aborted_and_returns(service: str, client: Listen
 def test_a_daemon_that_is_killed_returns(service: str, client: Listener) -> None:
     pid = main_pid()
     os.kill(pid, signal.SIGKILL)
-    took_s = wait_until(lambda: is_ready() and main_pid() not in {0, pid}, "a new daemon")
-    print(f"\n  SIGKILL: ready again after {took_s:.1f} s")
+    killed_s = time.monotonic()
     client.wait_for_touches()
+    assert main_pid() not in {0, pid}
+    print(f"\n  SIGKILL: touches again after {time.monotonic() - killed_s:.1f} s")
+    assert time.monotonic() - killed_s < BACK_WITHIN_S
 
 
 def test_a_good_configuration_is_followed_without_a_restart(service: str, client: Listener) -> None:
@@ -297,20 +308,24 @@ print("report", json.dumps(report))
 
 
 @pytest.fixture(scope="module")
-def sandbox(installed: None) -> dict[str, str]:
+def sandbox(installed: str) -> dict[str, str]:
     """What a program in the unit, in place of the daemon, may do."""
     subprocess.run(["modprobe", "vivid", "n_devs=1"], check=False)
     subprocess.run(["modprobe", "uinput"], check=False)
     run("udevadm", "trigger")
     run("udevadm", "settle")
+    # Its mode lets everybody in: who keeps the daemon out is the unit.
+    Path("/dev/kmsg").chmod(0o666)
     Path("/opt/tries.py").write_text(TRIES)
     nodes = ["/dev/video0", "/dev/uinput", "/dev/kmsg", "/dev/mem", "/dev/ubda", "/dev/null"]
-    unit = (ROOT / "systemd" / UNIT).read_text()
+    unit = UNIT_FILE.read_text()
     unit = re.sub(
         r"ExecStart=.*", f"ExecStart={sys.executable} /opt/tries.py {' '.join(nodes)}", unit
     )
     unit = re.sub(r"Type=notify|WatchdogSec=.*|Restart=always", "", unit)
-    (UNITS / PROBE).write_text(unit.replace("[Service]", "[Service]\nType=oneshot"))
+    Path("/run/systemd/system", PROBE).write_text(
+        unit.replace("[Service]", "[Service]\nType=oneshot")
+    )
     run("systemctl", "daemon-reload")
     run("systemctl", "start", PROBE)
     (told,) = re.findall(r"^report (.*)$", journal(PROBE), re.MULTILINE)
@@ -349,3 +364,35 @@ def test_priority_is_granted_up_to_its_limit_only(sandbox: dict[str, str]) -> No
 @pytest.mark.parametrize("what", ["packet socket", "set group"])
 def test_what_it_does_not_need_is_refused(sandbox: dict[str, str], what: str) -> None:
     assert sandbox[what] != "done"
+
+
+def test_an_upgrade_keeps_configuration_and_calibration_and_restarts(
+    service: str, client: Listener
+) -> None:
+    CALIBRATION.write_text("a calibration that took a while")
+    write_config()
+    config, pid = CONFIG.read_text(), main_pid()
+    install("later.deb")
+    assert version_of() == "99.0"
+    assert CONFIG.read_text() == config
+    assert CALIBRATION.read_text() == "a calibration that took a while"
+    wait_until(lambda: is_ready() and main_pid() not in {0, pid}, "the new daemon")
+    client.wait_for_touches()
+
+
+def test_removing_leaves_configuration_and_calibration(service: str) -> None:
+    run("dpkg", "--remove", "cornertouchd")
+    assert shows(UNIT, "ActiveState") == ["inactive"]
+    assert not PROGRAM.exists()
+    assert not OPT.exists()
+    assert CONFIG.exists()
+    assert CALIBRATION.exists()
+
+
+def test_purging_leaves_nothing_but_what_the_administrator_made(installed: str) -> None:
+    run("dpkg", "--purge", "cornertouchd")
+    assert not STATE.exists()
+    assert not CACHE.exists()
+    assert not CONFIG.exists()
+    assert CONFIG.with_name("left.toml").exists()
+    assert "cornertouchd" not in run("systemctl", "list-unit-files", "--no-legend")
