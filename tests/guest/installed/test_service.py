@@ -21,7 +21,7 @@ import pytest
 
 from cornertouchd.wire.tuio_reader import TuioReader
 
-pytestmark = [pytest.mark.systemd, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.systemd, pytest.mark.timeout(420)]
 
 PACKAGES = Path("/host/packages")
 UNIT = "cornertouchd.service"
