@@ -35,9 +35,9 @@ CALIBRATION = STATE / "calibration.json"
 PATIENCE_S = 120.0
 """The guest has a tenth of a machine's speed: what must come comes within this."""
 
-BACK_WITHIN_S = 30.0
-"""On a machine touches are back in 3 s (benchmarks/restart.py).  The guest enters its kernel a
-tenth as fast, on one processor, which the simulated rig shares: it took RETURNED s here."""
+BACK_WITHIN_S = 20.0
+"""On a machine touches are back in 3 s (benchmarks/restart.py).  The guest has one processor, which
+the simulated rig shares, and enters its kernel a tenth as fast: 8.4 s on a busy machine."""
 
 SIMULATED = """[cameras]
 source = "simulated"
@@ -314,8 +314,8 @@ def sandbox(installed: str) -> dict[str, str]:
     subprocess.run(["modprobe", "uinput"], check=False)
     run("udevadm", "trigger")
     run("udevadm", "settle")
-    # Its mode lets everybody in: who keeps the daemon out is the unit.
-    Path("/dev/kmsg").chmod(0o666)
+    # Its mode lets everybody in: what keeps the daemon out is DevicePolicy.
+    Path("/dev/ubda").chmod(0o666)
     Path("/opt/tries.py").write_text(TRIES)
     nodes = ["/dev/video0", "/dev/uinput", "/dev/kmsg", "/dev/mem", "/dev/ubda", "/dev/null"]
     unit = UNIT_FILE.read_text()
@@ -339,7 +339,13 @@ def test_its_own_devices_can_be_opened(sandbox: dict[str, str], device: str) -> 
     assert sandbox[device] == "done"
 
 
-@pytest.mark.parametrize("device", ["/dev/kmsg", "/dev/ubda"])
+def test_a_device_that_is_not_allowed_is_refused_whatever_its_mode(
+    sandbox: dict[str, str],
+) -> None:
+    assert sandbox["/dev/ubda"] == "Operation not permitted"
+
+
+@pytest.mark.parametrize("device", ["/dev/kmsg", "/dev/mem"])
 def test_other_devices_are_refused(sandbox: dict[str, str], device: str) -> None:
     assert sandbox[device] in {"Operation not permitted", "Permission denied"}
 
@@ -381,6 +387,8 @@ def test_an_upgrade_keeps_configuration_and_calibration_and_restarts(
 
 
 def test_removing_leaves_configuration_and_calibration(service: str) -> None:
+    CALIBRATION.touch()
+    write_config(CONFIG.with_name("left.toml"), port=3335)
     run("dpkg", "--remove", "cornertouchd")
     assert shows(UNIT, "ActiveState") == ["inactive"]
     assert not PROGRAM.exists()
@@ -395,4 +403,5 @@ def test_purging_leaves_nothing_but_what_the_administrator_made(installed: str) 
     assert not CACHE.exists()
     assert not CONFIG.exists()
     assert CONFIG.with_name("left.toml").exists()
-    assert "cornertouchd" not in run("systemctl", "list-unit-files", "--no-legend")
+    assert shows(UNIT, "LoadState") == ["not-found"]
+    assert not list(Path("/etc/systemd/system").rglob("cornertouchd*"))
