@@ -24,7 +24,7 @@ class FaultLog:
         self._in_a_row = 0
         self._good_in_a_row = 0
         self._told_at_s: deque[float] = deque(maxlen=MOST_LINES)
-        self._left_out = 0
+        self._is_silent = False
         self.count = 0
 
     def fault(
@@ -43,31 +43,36 @@ class FaultLog:
             self._tell(logging.ERROR, text, traceback_of)
 
     def good(self) -> None:
-        """Count that it worked; after enough of that, log that the faults are over."""
+        """Count that it worked; after enough of that, log that the faults are over.
+
+        Where too much was said of late, later: the last word must be true.
+        """
         if not self._in_a_row:
             return
         self._good_in_a_row += 1
-        if self._good_in_a_row >= GOOD_TO_RECOVER:
+        if self._good_in_a_row >= GOOD_TO_RECOVER and not self._has_said_enough():
             faults = "1 fault" if self._in_a_row == 1 else f"{self._in_a_row} faults"
             self._tell(logging.WARNING, f"works again after {faults}")
             self._in_a_row = 0
             self._last_kind = ""
 
     def _tell(self, level: int, text: str, traceback_of: BaseException | None = None) -> None:
-        """Log a line, unless there were too many of late; the next one then says how many."""
-        now_s = self._now_s()
-        full = len(self._told_at_s) == MOST_LINES and now_s - self._told_at_s[0] < IN_S
-        if full:
-            if not self._left_out:
+        """Log a line, unless there were too many of late."""
+        if self._has_said_enough():
+            if not self._is_silent:
                 self._log.warning(
-                    "%s: more than %d messages within %g s; those that follow are counted only",
+                    "%s: more than %d messages within %g s; until it works again, faults are "
+                    "counted only",
                     self._name,
                     MOST_LINES,
                     IN_S,
                 )
-            self._left_out += 1
+            self._is_silent = True
             return
-        self._told_at_s.append(now_s)
-        counted = f" ({self._left_out} messages left out before)" if self._left_out else ""
-        self._left_out = 0
-        self._log.log(level, f"{self._name}: {text}{counted}", exc_info=traceback_of)
+        self._is_silent = False
+        self._told_at_s.append(self._now_s())
+        self._log.log(level, f"{self._name}: {text}", exc_info=traceback_of)
+
+    def _has_said_enough(self) -> bool:
+        since_s = self._now_s() - self._told_at_s[0] if self._told_at_s else IN_S
+        return len(self._told_at_s) == MOST_LINES and since_s < IN_S
