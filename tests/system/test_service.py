@@ -42,7 +42,7 @@ def test_the_package_is_built(machine: Machine, package: Path) -> None:
     assert package.stat().st_size > 0
 
 
-@pytest.mark.timeout(SUITE_S)
+@pytest.mark.timeout(SUITE_S + 60)
 def test_the_installed_package_under_systemd(machine: Machine, package: Path) -> None:
     with KioskGuest(machine, "systemd") as guest:
         packages = guest.share / "packages"
