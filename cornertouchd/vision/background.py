@@ -50,8 +50,8 @@ SHARE_OF_A_COVER = 0.9
 """One shadow without ends over more of the strip than this: no hand, but a lens that is covered."""
 
 LARGEST_SHARE_IN_THE_DARK = 0.75
-"""Of the lit strip's light over the former darkness; more is the strip itself, in spite of what the
-picture is labelled."""
+"""Of the light of the last lit picture, over the black of the calibration; more is the strip
+itself, in spite of what the picture is labelled."""
 
 
 class NotDarkError(Exception):
@@ -99,6 +99,7 @@ class Background:
         self._reference = self._sampler.reference
         self._gain = 1.0
         self._learned_at_s: float | None = None
+        self._lit: FloatArray | None = None
         self._dark_at_s: float | None = None
         self._known = self._reference.usable
         self._covered = False
@@ -125,6 +126,7 @@ class Background:
         """Follow what a picture shows of the empty strip."""
         measured, at_s = sight.measured, sight.captured_at_s
         self._gain = measured.gain
+        self._lit = measured.light
         if self._learned_at_s is None or at_s < self._learned_at_s:
             self._learned_at_s = at_s
         passed_s = at_s - self._learned_at_s
@@ -157,15 +159,19 @@ class Background:
         Raises `NotDarkError` if the strip is lit.
         """
         seen = self._sampler.measure(picture, self._reference).light
-        reference = self._reference
-        share_lit = (seen - reference.black) / np.maximum(self._gain * reference.light, 1.0)
+        reference, black = self._reference, self._sampler.reference.black
+        lit = reference.light if self._lit is None else self._lit - black
+        share_lit = (seen - black) / np.maximum(lit, 1.0)
         if float(np.median(share_lit[reference.on_strip])) > LARGEST_SHARE_IN_THE_DARK:
             raise NotDarkError(
                 "the strip is lit in a picture that is said to be taken without LEDs"
             )
         before_s, self._dark_at_s = self._dark_at_s, captured_at_s
         if before_s is None or captured_at_s < before_s:
-            self._darken(seen)
+            if self._is_new_light(seen):
+                self._refer_to(seen, reference.light, reference.peak)
+            else:
+                self._darken(seen)
             return
         share = 1.0 - exp((before_s - captured_at_s) / self._settings.ambient_smoothing_s)
         black = reference.black + share * (seen - reference.black)
@@ -205,6 +211,21 @@ class Background:
         ]
         return tuple(sorted(dim + bright, key=lambda one: one.first_px))
 
+    def _is_new_light(self, dark: FloatArray) -> bool:
+        """Tell whether what the first dark picture shows is no part yet of the light as learned.
+
+        So it is when the sun has shone since before the start, but not when the rig was calibrated:
+        what the last lit picture shows more is then as the light was, column by column.
+        """
+        reference = self._reference
+        if self._lit is None:
+            return False
+        strip, leds = reference.on_strip, self._lit - dark
+        without = reference.light + (reference.black - dark) / self._gain
+        return _unevenness(leds[strip], reference.light[strip]) < _unevenness(
+            leds[strip], without[strip]
+        )
+
     def _forget_old_darkness(self, now_s: float) -> None:
         """Without dark pictures the surroundings count as a part of the strip's light again."""
         if self._dark_at_s is None:
@@ -242,6 +263,13 @@ def _is_cover(shadows: Shadows, strip_px: int) -> bool:
         return False
     left_px, right_px = shadows.edges_px[0]
     return bool(right_px - left_px > SHARE_OF_A_COVER * strip_px and shadows.depth[0] > 0.0)
+
+
+def _unevenness(seen: FloatArray, expected: FloatArray) -> float:
+    """Return by how much columns differ from the light expected, but for a factor."""
+    ratio = seen / np.maximum(expected, 1.0)
+    usual = float(np.median(ratio))
+    return float(np.median(np.abs(ratio - usual))) / max(abs(usual), 0.01)
 
 
 def _how_dim(shares: FloatArray) -> str:

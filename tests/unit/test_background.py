@@ -257,6 +257,14 @@ class TestDarkPictures:
         shadows = see(camera, 0.6 * TOUCHED + self.AMBIENT, 0.01)
         assert edges(shadows) == pytest.approx(REFERENCE, abs=0.2)
 
+    def test_sun_that_shone_before_the_start_moves_no_edge(self) -> None:
+        camera = calibrated(EMPTY)
+        ambient = 0.6 * EMPTY * SIDE
+        see(camera, 0.4 * TOUCHED + ambient, 0.0)
+        shadows = self.alternating(camera, 0.4 * TOUCHED, ambient, 0.1)
+        assert edges(shadows) == pytest.approx(REFERENCE, abs=0.2)
+        assert not camera.masked_columns
+
     def test_old_ones_do_not_count(self) -> None:
         camera = calibrated(0.6 * EMPTY)
         self.alternating(camera, 0.6 * EMPTY, np.zeros_like(EMPTY), 0.0)
