@@ -233,6 +233,7 @@ class CameraLight:
         self._sides = SideLight(camera, surface_mm, settings.vision)
         self._matcher = MaskMatcher(light.reports, [1 << side for side in self._sides.sides])
         self._constant = settings.led_frame.pattern == "constant"
+        self._lit_before = False
         self._noted_at_s: dict[int, float] = {}
 
     @property
@@ -252,8 +253,9 @@ class CameraLight:
         seen = self._sides.measure(frame.pixels)
         mask = self._matcher.mask(frame.captured_at_s, [one.grey for one in seen])
         if mask is not None:
-            if mask not in (0, ALL_SIDES):
-                return None
+            if mask not in (0, ALL_SIDES) or (mask == 0 and not self._lit_before):
+                return None  # the vision compares dark pictures with lit ones
+            self._lit_before = True
             self._note(mask, seen, frame.captured_at_s)
             return replace(frame, lit_mask=mask)
         cannot_be_dark = self._constant or self._light.is_dark_for_certain(frame.captured_at_s)

@@ -21,9 +21,12 @@ CLOSE_ENOUGH = 0.04
 FEWEST_SEEN = 5
 """Pictures of a side between two steps; with fewer it stays as it is."""
 
-MUCH_FROM_OUTSIDE = 0.2
-"""Share of full scale; a side at full scale with so much light from outside is not the LEDs'
-fault: dimmer ones would only drown in it."""
+HEADROOM = 0.92
+"""Share of full scale that LEDs and sun together may reach: noise and ripple need the rest."""
+
+LEAST_COMMON = 0.4
+"""In the sun all sides are dimmed alike, to this share at most: the vision takes that for another
+exposure, while a single side at half of its light would look like dead LEDs."""
 
 Levels = tuple[int, int, int, int]
 
@@ -77,20 +80,23 @@ class LevelControl:
         told = [each for each in by_camera.values() if len(each) >= FEWEST_SEEN]
         if not told or self._exact[side] == 0.0:  # a side that is off stays off
             return
+        target = self._settings.target_share * self._common_share() * FULL_SCALE_GREY
         darkest = min(told, key=lambda each: median(grey for grey, _ in each))
         grey = median(grey for grey, _ in darkest)
         from_outside = self._darkness.get(side, 0.0)
         saturated = sum(full for _, full in darkest) * 2 > len(darkest)
-        if saturated and from_outside > MUCH_FROM_OUTSIDE * FULL_SCALE_GREY:
-            return
-        target = self._settings.target_share * FULL_SCALE_GREY
         share = (target - (grey - from_outside)) / target
-        if abs(share) <= CLOSE_ENOUGH:
+        if abs(share) <= CLOSE_ENOUGH or (saturated and share > 0.0):
             return
         step = max(-LARGEST_STEP, min(LARGEST_STEP, share)) * self._exact[side]
         step = step if abs(step) >= 1.0 else (1.0 if step > 0.0 else -1.0)
         limits = self._settings.level_min, self._settings.level_max
         self._exact[side] = min(max(self._exact[side] + step, limits[0]), limits[1])
+
+    def _common_share(self) -> float:
+        """Return to which share of the target all sides are dimmed, to leave room for the sun."""
+        brightest = max(self._darkness.values(), default=0.0) / FULL_SCALE_GREY
+        return min(1.0, max(LEAST_COMMON, (HEADROOM - brightest) / self._settings.target_share))
 
 
 class IdleWatch:
