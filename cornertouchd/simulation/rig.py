@@ -74,8 +74,9 @@ class SimulatedRig:
     `reflectance` is the share of grazing light that the screen mirrors (0: a matt screen),
     `barrel` bends the picture as in `Lens` (0: a pinhole), `mounting_error` scales the errors of
     place and direction (0: mounted perfectly).  With `lit_flanks` strips light up fingers that are
-    near them; a `sun` shines on strips and fingers, which throw shadows on the strips, but neither
-    on the screen nor on one another.  Raises `ValueError` for a rig that cannot be.
+    near them; `leds` is how bright each side shines (top, right, bottom, left); a `sun` shines on
+    strips and fingers, which throw shadows on the strips, but neither on the screen nor on one
+    another.  Raises `ValueError` for a rig that cannot be.
     """
 
     def __init__(
@@ -93,6 +94,7 @@ class SimulatedRig:
         mounting_error: float = 1.0,
         noise: bool = True,
         lit_flanks: bool = False,
+        leds: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0),
         sun: Sun | None = None,
     ) -> None:
         _check(surface_mm, (width_px, height_px, rows_px), cameras, reflectance)
@@ -109,7 +111,9 @@ class SimulatedRig:
         border = LedBorder(
             surface_mm=surface_mm,
             top_mm=top_mm,
-            brightness=tuple(led_brightness(surface_mm[side % 2], rng) for side in range(4)),
+            brightness=tuple(
+                share * led_brightness(surface_mm[side % 2], rng) for side, share in enumerate(leds)
+            ),
             reflectance=reflectance,
             barrels_mm=np.array([(camera.x_mm, camera.y_mm) for camera in mounted]),
             barrel_mm=LARGE_BARREL_MM if large else SMALL_BARREL_MM,
