@@ -6,6 +6,7 @@
  * come on stdin, one a line; each is answered by one line of JSON.  It ends with stdin.
  *
  *   get                       what shines and shone, see light.c
+ *   flashes N                 the flashes from number N on: number, time, mask, levels
  *   zero                      count anew
  *   wait MS                   answered when so much time of the controller has passed
  *   fault 0|1                 the over-current line
@@ -118,6 +119,14 @@ static void answer_all(void)
     fflush(answers);
 }
 
+static void answer_flashes(unsigned long first)
+{
+    fputc('{', answers);
+    light_report_flashes(answers, first);
+    fputs("}\n", answers);
+    fflush(answers);
+}
+
 static void answer(const char *name, const char *value)
 {
     fprintf(answers, "{\"%s\":\"%s\"}\n", name, value);
@@ -177,6 +186,8 @@ static void command(const char *line)
     sscanf(line, "%31s %d", what, &value);
     if (!strcmp(what, "get"))
         answer_all();
+    else if (!strcmp(what, "flashes"))
+        answer_flashes((unsigned long)value);
     else if (!strcmp(what, "wait"))
         answer_wait_at = avr->cycle + (avr_cycle_count_t)value * CYCLES_PER_MS;
     else if (act(what) || set(what, value))

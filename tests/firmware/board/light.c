@@ -13,6 +13,7 @@
 #include <avr_timer.h>
 #include <sim_io.h>
 #include <string.h>
+#include <time.h>
 
 #define CYCLES_PER_US 16.0
 #define TCCR1A_ADDRESS 0x80
@@ -20,6 +21,7 @@
 #define ICR1L_ADDRESS 0x86
 #define TEMPERATURE_CHANNEL 4
 #define SUPPLY_MV 5000
+#define FLASHES_KEPT 256u
 
 enum { TRIGGER, STROBE, FIRST_SIDE, PINS = FIRST_SIDE + SIDES };
 
@@ -36,6 +38,13 @@ static struct {
     avr_cycle_count_t period_min, period_max, strobe_min, strobe_max;
     long long lead_min, lead_max;
 } counts;
+
+/* The last flashes: what shone in each, and when that was on the clock of the host. */
+static struct {
+    int mask, levels[SIDES];
+    double at_s;
+} flashes[FLASHES_KEPT];
+static unsigned long flash_count;
 
 void light_zero(void)
 {
@@ -83,8 +92,22 @@ static void strobe_rises(void)
     counts.strobes++;
 }
 
+static void keep_flash(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    unsigned at = flash_count++ % FLASHES_KEPT;
+    flashes[at].at_s = (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+    flashes[at].mask = 0;
+    for (int side = 0; side < SIDES; side++) {
+        flashes[at].mask |= lit[side] << side;
+        flashes[at].levels[side] = level[side];
+    }
+}
+
 static void strobe_falls(void)
 {
+    keep_flash(); /* before the sides are looked at again: they still shine */
     avr_cycle_count_t length = avr->cycle - strobe_at;
     counts.strobe_min = length < counts.strobe_min ? length : counts.strobe_min;
     counts.strobe_max = length > counts.strobe_max ? length : counts.strobe_max;
@@ -218,6 +241,20 @@ void light_reset(void)
 void light_set_open(int mask) { open_mask = mask; }
 void light_set_short(int mask) { short_mask = mask; }
 void light_set_temperature_mv(int mv) { temperature_mv = mv; }
+
+void light_report_flashes(FILE *out, unsigned long first)
+{
+    if (flash_count > FLASHES_KEPT && first < flash_count - FLASHES_KEPT)
+        first = flash_count - FLASHES_KEPT;
+    fputs("\"flashes\":[", out);
+    for (unsigned long number = first; number < flash_count; number++) {
+        unsigned at = number % FLASHES_KEPT;
+        fprintf(out, "%s[%lu,%.6f,%d,%d,%d,%d,%d]", number > first ? "," : "", number,
+                flashes[at].at_s, flashes[at].mask, flashes[at].levels[0], flashes[at].levels[1],
+                flashes[at].levels[2], flashes[at].levels[3]);
+    }
+    fputc(']', out);
+}
 
 static void report_range(FILE *out, const char *name, double low, double high, int any)
 {

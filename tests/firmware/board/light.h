@@ -24,5 +24,7 @@ void light_set_short(int mask);
 void light_set_temperature_mv(int mv);
 /* Write what was counted, as the inside of a JSON object. */
 void light_report(FILE *out);
+/* Write the flashes from number `first` on, each with its time, mask and levels. */
+void light_report_flashes(FILE *out, unsigned long first);
 
 #endif
