@@ -22,8 +22,11 @@ CLOCK_DRIFT = 0.006
 """The ceramic resonator of the cheapest boards keeps time to half a percent."""
 
 LATE_BEFORE_ANEW = 50
-"""Reports in a row that are late by a period and more: the controller has another period than it
-had, and the begin of frames is taken from the next report."""
+"""Reports in a row that are late: the controller has another period than it had, and the begin of
+frames is taken from the next report."""
+
+LATE_PERIODS = 0.5
+"""A report that is later than the clocks allow makes the time of its frame doubtful."""
 
 LATEST_REPORT_PERIODS = 8.0
 """A picture that is later than the last report by more cannot be assigned."""
@@ -57,17 +60,24 @@ BRIGHT_FOR_DARK, DIM_FOR_LIT = 0.5, 0.2
 """Shares of the usual difference: a dark picture with more, a lit one with less are not believed.
 Dimmed LEDs give .4."""
 
+AGREEMENTS_AFTER_CONTRADICTION = 8
+"""Pictures in a row that agree until masks are believed again: the longest pattern once."""
+
 CONTRADICTIONS_BEFORE_ANEW = 12
 """Among the pictures kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReportedFrame:
-    """A frame of the controller: when it began, as told by when reports arrived."""
+    """A frame of the controller: when it began, as told by when reports arrived.
+
+    Of a late report, when it began is doubtful.
+    """
 
     number: int
     lit_mask: int
     began_at_s: float
+    late: bool = False
 
 
 class FrameReports:
@@ -89,20 +99,20 @@ class FrameReports:
         """Take a report."""
         with self._lock:
             last = self._frames[-1] if self._frames else None
-            began_at_s = received_at_s
+            began_at_s, late = received_at_s, False
             if last is None:
                 self._late_in_a_row = 0
             elif report.frame > last.number:
                 passed = (report.frame - last.number) * self.period_s
                 began_at_s = min(received_at_s, last.began_at_s + passed * (1.0 + CLOCK_DRIFT))
-                late = received_at_s - began_at_s > self.period_s
+                late = received_at_s - began_at_s > LATE_PERIODS * self.period_s
                 self._late_in_a_row = self._late_in_a_row + 1 if late else 0
             if last is not None and (
                 report.frame <= last.number or self._late_in_a_row >= LATE_BEFORE_ANEW
             ):
                 self._begin_anew()
-                began_at_s = received_at_s
-            self._frames.append(ReportedFrame(report.frame, report.lit_mask, began_at_s))
+                began_at_s, late = received_at_s, False
+            self._frames.append(ReportedFrame(report.frame, report.lit_mask, began_at_s, late))
 
     def begin_anew(self) -> None:
         """Forget all frames: the controller has restarted."""
@@ -179,8 +189,9 @@ class MaskMatcher:
         mask = told.pop() if len(told) == 1 else None
         contradicts = mask is not None and self._contradicts(mask, seen.brightness)
         self._note(contradicts)
-        self._count(known=mask is not None and not contradicts, contradicts=contradicts)
-        return None if contradicts else mask
+        believed = self._agreeing_in_a_row >= AGREEMENTS_AFTER_CONTRADICTION
+        self._count(known=mask is not None and believed, contradicts=contradicts)
+        return mask if believed else None
 
     def _begin_anew(self) -> None:
         self._phase: float | None = None
@@ -188,6 +199,7 @@ class MaskMatcher:
         self._pictures: deque[_Kept] = deque(maxlen=PICTURES_KEPT)
         self._pictures_since_look = 0
         self._off_in_a_row = self._contradictions = 0
+        self._agreeing_in_a_row = AGREEMENTS_AFTER_CONTRADICTION
         self._usual: list[tuple[float, float] | None] = [None] * len(self._sides)
 
     def _masks_by_shift(self, captured_at_s: float) -> tuple[int | None, ...] | None:
@@ -197,7 +209,7 @@ class MaskMatcher:
             return None
         last = frames[-1]
         periods = (captured_at_s - last.began_at_s) / period_s
-        if periods > LATEST_REPORT_PERIODS:
+        if periods > LATEST_REPORT_PERIODS or last.late:
             return None
         if periods < 0.0:  # the frame that it is in tells better: clocks drift
             last = next((one for one in reversed(frames) if one.began_at_s <= captured_at_s), last)
@@ -263,6 +275,7 @@ class MaskMatcher:
 
     def _note(self, contradicts: bool) -> None:
         """Seek the shift anew after too many contradictions; agreement makes up for them."""
+        self._agreeing_in_a_row = 0 if contradicts else self._agreeing_in_a_row + 1
         self._contradictions = max(0, self._contradictions + (2 if contradicts else -1))
         if self._contradictions >= 2 * CONTRADICTIONS_BEFORE_ANEW:
             self._begin_anew()
