@@ -63,6 +63,9 @@ Dimmed LEDs give .4."""
 AGREEMENTS_AFTER_CONTRADICTION = 8
 """Pictures in a row that agree until masks are believed again: the longest pattern once."""
 
+TWO_LONGEST_PATTERNS = 16
+"""As many frames alike are of a constant pattern."""
+
 CONTRADICTIONS_BEFORE_ANEW = 12
 """Among the pictures kept."""
 
@@ -227,7 +230,10 @@ class MaskMatcher:
         self._phase += PHASE_SHARE * off
         number = last.number + whole
         masks = {one.number: one.lit_mask for one in frames}
-        return tuple(masks.get(number - shift) for shift in SHIFTS)
+        # in a constant pattern a frame whose report is still on its way is like all others
+        constant = len(masks) >= TWO_LONGEST_PATTERNS and len(set(masks.values())) == 1
+        otherwise = last.lit_mask if constant else None
+        return tuple(masks.get(number - shift, otherwise) for shift in SHIFTS)
 
     def _weigh_shifts(self) -> None:
         """Keep the shifts with which lit pictures are bright and dark ones are not."""
