@@ -3,35 +3,18 @@
 A suite that bears the mark `systemd` runs on a system that systemd has booted, the others without.
 """
 
-import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NoReturn
 
 import pytest
 from system.kiosk.guest import Boot, KioskGuest
 from system.kiosk.kernels import compiled_kernels, take_kernels
-from system.kiosk.machine import ROOT, KioskError, Machine, find_machine
+from system.kiosk.machine import ROOT, Machine
 from system.kiosk.painting import paint_show
 
 SUITES = sorted((ROOT / "tests" / "guest").glob("test_*.py"))
 BUILD_S, SUITE_S = 3000.0, 900.0
-
-
-def _cannot(why: str) -> NoReturn:
-    if os.environ.get("CORNERTOUCHD_REQUIRE_KIOSK"):
-        pytest.fail(why)
-    pytest.skip(why)
-
-
-@pytest.fixture(scope="module")
-def machine() -> Machine:
-    """Kernel and image; making them anew takes minutes."""
-    try:
-        return find_machine()
-    except KioskError as error:
-        _cannot(str(error))
 
 
 @pytest.fixture(scope="module")
