@@ -118,7 +118,6 @@ class HealthWatch:
         )
 
     def _camera(self, name: str, counts: CaptureCounts, span_s: float) -> CameraHealth:
-        pipeline = self._daemon.stages.captures[name].pipeline
         return CameraHealth(
             name,
             counts.live,
@@ -127,8 +126,8 @@ class HealthWatch:
             counts.faults,
             counts.reopened,
             counts.resets,
-            tuple(str(columns) for columns in pipeline.blind_columns),
-            str(pipeline.strip_shift or ""),
+            tuple(map(str, self._daemon.stages.captures[name].pipeline.blind_columns)),
+            str(self._daemon.strip_shifts().get(name, "")),
         )
 
     def _hints(

@@ -35,7 +35,7 @@ class Rig:
         self.live = {"C1": True, "C2": True}
         self.pictures = 0
         self.fusion = FusionCounts(0, 0, 0, 0, 0, 0, 0, 0)
-        self.pipeline = SimpleNamespace(blind_columns=(), strip_shift=None)
+        self.pipeline = SimpleNamespace(blind_columns=())
         self.sink = FakeSink()
         self.drift, self.dirt = None, ()
         self.light: LightState | None = None
@@ -50,6 +50,9 @@ class Rig:
             fusion=SimpleNamespace(sinks=[self.sink]),
             calibration=SimpleNamespace(created_at="2026-01-02T03:04:05+00:00", residual_mm=0.1),
         )
+
+    def strip_shifts(self) -> dict[str, str]:
+        return {}
 
     def light_state(self) -> LightState | None:
         return self.light
