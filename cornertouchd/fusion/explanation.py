@@ -30,14 +30,12 @@ from cornertouchd.fusion.rescue import (
     is_needed,
     keep_rescued,
 )
-from cornertouchd.fusion.selection import Explanation, cheapest_explanation
+from cornertouchd.fusion.selection import LEAST_MARGIN, Explanation, cheapest_explanation
 from cornertouchd.model import BoolArray, FloatArray
 
 # Fitted to 10 000 contacts in crowded scenes (15 on 350x400, hands, three cameras): of those with
 # margins about 0, 1, 3, 5, 7 and 10, the shares .59, .86, .84, .94, .99 and .99 were real.
 MARGIN_SCALE = 3.6
-# Without such a contact the shadows are explained as cheaply: nearly half of them are ghosts.
-LEAST_MARGIN = 0.05
 
 OWN_EDGES, CAMERAS, PREDICTION = range(3)
 """Rows of what is counted of contacts."""

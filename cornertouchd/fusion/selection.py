@@ -32,6 +32,8 @@ LEAST_PROMISE = 4.0
 MOST_PUT_IN = 16
 # Less is rounding: two ways to add up the same cost.
 SMALLEST_SAVING = 1e-6
+# Without such a disc the shadows are explained as cheaply: nearly half of them are ghosts.
+LEAST_MARGIN = 0.05
 NOBODY = -1
 
 
@@ -91,13 +93,15 @@ def cheapest_explanation(costs: Costs) -> Explanation:
     start, without_one, promise = np.empty(count + 1, np.intp), np.empty(count), np.empty(count)
     best = _Found(np.empty(count, np.intp), np.empty(costs.edge_count))
     better = _Found(np.empty(count, np.intp), np.empty(costs.edge_count))
-    size, cost = _fill_up(costs, discs, start, 0, NOBODY)
+    size, cost = _fill_up(costs, discs, start, 0, NOBODY, costs.same)
     _remember(discs, size, best)
     for step in range(MOST_ROUNDS + 1):
         better_size, better_cost = NOBODY, cost - SMALLEST_SAVING
         for place in range(size):
             _leave_out(best.chosen, size, place, start)
-            found, found_cost = _fill_up(costs, discs, start, size - 1, best.chosen[place])
+            found, found_cost = _fill_up(
+                costs, discs, start, size - 1, best.chosen[place], costs.same
+            )
             without_one[place] = found_cost
             if found_cost < better_cost:
                 better_size, better_cost = found, found_cost
@@ -112,7 +116,7 @@ def cheapest_explanation(costs: Costs) -> Explanation:
             if _is_among(best.chosen, size, disc):
                 continue
             kept = _put_in(costs.conflicts, best.chosen, size, without_one, cost, disc, start)
-            found, found_cost = _fill_up(costs, discs, start, kept, NOBODY)
+            found, found_cost = _fill_up(costs, discs, start, kept, NOBODY, costs.same)
             if found_cost < better_cost:
                 better_size, better_cost = found, found_cost
                 _remember(discs, found, better)
@@ -122,6 +126,13 @@ def cheapest_explanation(costs: Costs) -> Explanation:
         best, better = better, best
     margins = np.empty(size)
     for place in range(size):
+        if without_one[place] - cost < LEAST_MARGIN:
+            # Another disc may do as well in the same spot: then something is there, be it the one
+            # or the other.  Two fingers side by side, of which no camera sees a gap, look like it.
+            _leave_out(best.chosen, size, place, start)
+            without_one[place] = _fill_up(
+                costs, discs, start, size - 1, best.chosen[place], costs.conflicts
+            )[1]
         margins[place] = max(without_one[place] - cost, 0.0)
     return Explanation(best.chosen[:size], margins, best.edge_costs)
 
@@ -205,15 +216,21 @@ def _put_in(
 
 @borrowing
 def _fill_up(
-    costs: Costs, discs: _Set, start: IntArray, start_count: int, banned: int
+    costs: Costs,
+    discs: _Set,
+    start: IntArray,
+    start_count: int,
+    banned: int,
+    rivals: WordArray,
 ) -> tuple[int, float]:
-    """Add to the start the disc that saves most, while any saves something, but not the banned.
+    """Add to the start the disc that saves most, while any saves something.
 
-    Return how many they are and what all of it costs.
+    None of the `rivals` of the banned disc, itself among them, is added.  Return how many they are
+    and what all of it costs.
     """
     own, edges, edge_costs = costs.own, costs.edges, costs.edge_costs
     left, chosen = discs.edge_costs, discs.chosen
-    _start_over(costs, discs, banned)
+    _start_over(costs, discs, banned, rivals)
     count, cost = 0, 0.0
     while True:
         best = start[count] if count < start_count else _most_saving(costs, discs, count)
@@ -232,7 +249,7 @@ def _fill_up(
 
 
 @borrowing
-def _start_over(costs: Costs, discs: _Set, banned: int) -> None:
+def _start_over(costs: Costs, discs: _Set, banned: int, rivals: WordArray) -> None:
     left, savings, known_at = discs.edge_costs, discs.savings, discs.known_at
     at_first = costs.savings
     for edge in range(len(left) - 1):
@@ -241,7 +258,7 @@ def _start_over(costs: Costs, discs: _Set, banned: int) -> None:
     fill(discs.dark, costs.piece_count)
     fill(discs.free, len(savings))
     if banned != NOBODY:
-        take_out(discs.free, costs.same, banned)
+        take_out(discs.free, rivals, banned)
     for disc in range(len(savings)):
         savings[disc], known_at[disc] = at_first[disc], 0
 

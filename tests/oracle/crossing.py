@@ -12,10 +12,11 @@ import numpy as np
 from cornertouchd.fusion.costs import COST_OF_A_DISC, COST_OF_A_NEW_DISC
 from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.edge_crossing import NO_PREDICTIONS
-from cornertouchd.fusion.explanation import LEAST_MARGIN, MARGIN_SCALE
+from cornertouchd.fusion.explanation import MARGIN_SCALE
 from cornertouchd.fusion.limits import DiscLimits
 from cornertouchd.fusion.pool import SMALLEST_FINGER_RADIUS_MM
 from cornertouchd.fusion.predicted import COST_OF_A_MISSED_SHADOW
+from cornertouchd.fusion.selection import LEAST_MARGIN
 from cornertouchd.model import BoolArray, Contact, DirectingLines, FloatArray
 from oracle.candidates import dearer, find_candidates, joined
 from oracle.cells import find_cells

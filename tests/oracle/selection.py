@@ -21,6 +21,7 @@ from cornertouchd.fusion.costs import (
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.pool import COST_OF_AN_EDGE
 from cornertouchd.fusion.selection import (
+    LEAST_MARGIN,
     LEAST_PROMISE,
     MOST_PUT_IN,
     MOST_ROUNDS,
@@ -97,7 +98,7 @@ def cheapest_explanation(costs: Costs) -> Explanation:
         best, without_one = cheapest, _each_left_out(costs, cheapest)
     return Explanation(
         chosen=np.array(best.chosen, dtype=np.intp),
-        margins=_margins(best, without_one),
+        margins=_margins_of_spots(costs, best, _margins(best, without_one)),
         unexplained=best.edge_costs >= COST_OF_AN_EDGE,
     )
 
@@ -121,11 +122,20 @@ def _margins(best: _DiscSet, without_one: list[_DiscSet]) -> FloatArray:
     return np.array([max(other.cost - best.cost, 0.0) for other in without_one])
 
 
-def _each_left_out(costs: Costs, discs: _DiscSet) -> list[_DiscSet]:
-    """Return for each chosen disc the set without it, filled up with others."""
+def _margins_of_spots(costs: Costs, best: _DiscSet, margins: FloatArray) -> FloatArray:
+    """Where another disc does as well in the same spot, say how dear it is without all of them."""
+    without_spot = _each_left_out(costs, best, costs.conflicts)
+    return np.where(margins < LEAST_MARGIN, _margins(best, without_spot), margins)
+
+
+def _each_left_out(
+    costs: Costs, discs: _DiscSet, rivals: BoolArray | None = None
+) -> list[_DiscSet]:
+    """Return for each chosen disc the set without it and its rivals, filled up with others."""
     chosen = discs.chosen
+    rivals = costs.same if rivals is None else rivals
     return [
-        _filled_up(costs, chosen[:place] + chosen[place + 1 :], banned=disc)
+        _filled_up(costs, chosen[:place] + chosen[place + 1 :], banned=rivals[disc])
         for place, disc in enumerate(chosen)
     ]
 
@@ -148,8 +158,8 @@ def _each_put_in(costs: Costs, best: _DiscSet, without_one: list[_DiscSet]) -> l
     ]
 
 
-def _filled_up(costs: Costs, chosen: tuple[int, ...], banned: int | None = None) -> _DiscSet:
-    """Add the disc that saves most, while any saves something, but not the banned contact."""
+def _filled_up(costs: Costs, chosen: tuple[int, ...], banned: BoolArray | None = None) -> _DiscSet:
+    """Add the disc that saves most, while any saves something, but none of the banned."""
     all_chosen = list(chosen)
     edge_costs = np.full(costs.edge_count, COST_OF_AN_EDGE)
     for disc in all_chosen:
@@ -157,7 +167,7 @@ def _filled_up(costs: Costs, chosen: tuple[int, ...], banned: int | None = None)
     dark: BoolArray = ~np.any(costs.covers[all_chosen], axis=0)
     free: BoolArray = ~np.any(costs.conflicts[all_chosen], axis=0)
     if banned is not None:
-        free &= ~costs.same[banned]
+        free &= ~banned
     while np.any(free):
         savings = np.where(free, _savings(costs, edge_costs, dark), -np.inf)
         disc = int(np.argmax(savings))

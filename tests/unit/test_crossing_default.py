@@ -134,6 +134,21 @@ def test_a_large_disc_that_covers_more_does_not_stand_in_the_way_of_two(pair: li
     assert_found(crossing()(bearings_of(pair)), pair, within_mm=2.0)
 
 
+@pytest.mark.parametrize(
+    "pair",
+    [
+        [(191.6, 343.5, 5.3), (195.2, 353.4, 5.3)],
+        [(175.5, 188.8, 4.8), (165.1, 191.0, 4.8)],
+    ],
+)
+def test_two_places_that_are_as_likely_do_not_deny_each_other(pair: list[Disc]) -> None:
+    contacts = crossing()(bearings_of(pair))
+    assert 1 <= len(contacts) <= 2
+    middle = np.mean([disc[:2] for disc in pair], axis=0)
+    for one in contacts:
+        assert np.hypot(one.x_mm - middle[0], one.y_mm - middle[1]) < 6.0
+
+
 def test_a_contact_names_the_cameras_whose_shadows_it_casts() -> None:
     hidden_from_c1 = (200.0, 200.0, 4.0)
     before_it = (100.0, 100.0, 8.0)
