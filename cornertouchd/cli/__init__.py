@@ -11,6 +11,9 @@ from cornertouchd.errors import ReportedError
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when a command imports numpy
 """Our matrices are small: threads would wait for each other far longer than they work."""
 
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # AV_LOG_QUIET
+"""What is wrong with a video is said by us, with the file's name and what to do."""
+
 COMMANDS = {
     "bench": "Measure what this machine carries: microseconds per stage.",
     "calibrate": "Calibrate the cameras and save the result.",

@@ -244,7 +244,7 @@ def copy(recordings: Path, tmp_path: Path) -> Path:
 
 
 def test_a_truncated_video_is_named_and_nothing_written(
-    copy: Path, calibration_file: Path, tmp_path: Path
+    copy: Path, calibration_file: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     video = copy / "c3.mkv"
     video.write_bytes(video.read_bytes()[:20_000])
@@ -252,6 +252,7 @@ def test_a_truncated_video_is_named_and_nothing_written(
     result = invoke("replay", copy, "--calibration", calibration_file, "--output", output)
     assert result.exit_code == 1
     assert "c3.mkv" in result.stderr
+    assert capfd.readouterr().err == ""  # what FFmpeg has to say would be no help
     assert not output.exists()
 
 
