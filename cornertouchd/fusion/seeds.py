@@ -20,10 +20,14 @@ from cornertouchd.model import BoolArray, FloatArray
 # Below these, three tangents (as a determinant) or two (as a sine) do not fix a disc.
 SMALLEST_DETERMINANT = 0.01
 SMALLEST_SINE = 0.05
+# The middle of the radii of fingers; and that of slim ones, for two side by side: a camera in line
+# with them sees both as one that is hardly wider, and its two edges would make each too large for
+# the other to have room.
+GUESSED_RADII_MM = (6.0, 4.5)
 # Sets of edges of which the cap on candidates chooses; only broken strips have more.
 MOST_SEEDS = 4096
-# Ways to choose two or three of the 16 edges of eight cameras.
-MOST_SEEDS_OF_A_CELL = 672
+# Ways to choose three, and twice two, of the 16 edges of eight cameras.
+MOST_SEEDS_OF_A_CELL = 784
 
 
 class Seeds(NamedTuple):
@@ -48,7 +52,8 @@ def find_seeds(rows: EdgeRows, cells: IntArray, bounds: DiscBounds) -> tuple[See
         if count + MOST_SEEDS_OF_A_CELL <= MOST_SEEDS:
             _gather_edges(rows, cells, cell, edges, valid)
             end = _seed_by_threes(edges, valid, cell, bounds, seeds, count, met_in)
-            end = _seed_by_twos(edges, valid, cell, bounds, seeds, end, met_in)
+            for radius in GUESSED_RADII_MM:
+                end = _seed_by_twos(edges, valid, cell, bounds, radius, seeds, end, met_in)
             _sort_by_edges(seeds, count, end)
             count = end
     return seeds, _keep_most_touching(seeds, count)
@@ -136,13 +141,13 @@ def _seed_by_twos(
     valid: BoolArray,
     cell: int,
     bounds: DiscBounds,
+    radius: float,
     seeds: Seeds,
     count: int,
     met_in: IntArray,
 ) -> int:
     """Add the discs of a guessed size that touch two edges; return how many seeds there are."""
     discs, touched = seeds.discs, seeds.edges
-    radius = 0.5 * (FINGER_RADII_MM[0] + FINGER_RADII_MM[1])
     first_count = count
     for i in range(len(edges)):
         for j in range(i + 2 - i % 2, len(edges)):

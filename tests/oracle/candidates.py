@@ -28,7 +28,7 @@ from cornertouchd.fusion.pool import (
     MOST_CANDIDATES,
     SIZE_SIGMA_MM,
 )
-from cornertouchd.fusion.seeds import SMALLEST_DETERMINANT, SMALLEST_SINE
+from cornertouchd.fusion.seeds import GUESSED_RADII_MM, SMALLEST_DETERMINANT, SMALLEST_SINE
 from cornertouchd.geometry import line_crossings
 from cornertouchd.model import BoolArray, FloatArray
 from oracle.cells import CellRows, rows_of_cells
@@ -131,10 +131,12 @@ def _discs_from_tangents(
     And the three tangents, bits of a number, or 0.
     """
     by_three, cells_of_three, three = _discs_touching_three(cells)
-    by_two, cells_of_two = _discs_touching_two(cells, float(np.mean(FINGER_RADII_MM)))
-    discs = np.concatenate([by_three, by_two])
-    cell = np.concatenate([cells_of_three, cells_of_two])
-    fixed_by = np.concatenate([three, np.zeros(len(by_two), np.intp)])
+    by_two, cells_of_two = zip(
+        *(_discs_touching_two(cells, radius_mm) for radius_mm in GUESSED_RADII_MM), strict=True
+    )
+    discs = np.concatenate([by_three, *by_two])
+    cell = np.concatenate([cells_of_three, *cells_of_two])
+    fixed_by = np.concatenate([three, np.zeros(len(discs) - len(three), np.intp)])
     possible = (
         (discs[:, 2] > limits.smallest_radius_mm)
         & (discs[:, 2] < limits.largest_radius_mm)
