@@ -1,6 +1,7 @@
 """Every setting with default, unit and bounds; TOML in, frozen settings out."""
 
 from cornertouchd.config.led_frame import LedFrameSettings
+from cornertouchd.config.monitor import MonitorSettings
 from cornertouchd.config.output import DestinationSettings, TuioSettings
 from cornertouchd.config.reading import ConfigError, find_settings, read_settings
 from cornertouchd.config.rig import (
@@ -36,6 +37,7 @@ __all__ = [
     "DestinationSettings",
     "DirtSettings",
     "LedFrameSettings",
+    "MonitorSettings",
     "MotionSettings",
     "PairingSettings",
     "PaperCrossingSettings",

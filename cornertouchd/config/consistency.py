@@ -10,6 +10,7 @@ from cornertouchd.config.led_frame import (
     STROBE_SHARE,
     LedFrameSettings,
 )
+from cornertouchd.config.monitor import MonitorSettings
 from cornertouchd.config.output import TuioSettings
 from cornertouchd.config.rig import CamerasSettings, SurfaceSettings
 from cornertouchd.config.stages import CrossingSettings, PairingSettings, VisionSettings
@@ -50,6 +51,7 @@ def find_contradictions(
     pairing: PairingSettings,
     crossing: CrossingSettings,
     tuio: TuioSettings,
+    monitor: MonitorSettings,
 ) -> tuple[Contradiction, ...]:
     """Return everything that does not fit together, in the order of the file."""
     return (
@@ -66,6 +68,7 @@ def find_contradictions(
         *_in_order(("crossing",), crossing, "pen_diameter_mm", "palm_diameter_mm"),
         *_destinations_told_once(tuio),
         *_displays_on_surface(surface, tuio),
+        *_page_guarded(monitor),
     )
 
 
@@ -173,3 +176,12 @@ def _displays_on_surface(surface: SurfaceSettings, tuio: TuioSettings) -> Iterat
                     f"{length} = {length_mm} reach beyond the surface: [surface] {side} = "
                     f"{side_mm}; make the display lie on the surface",
                 )
+
+
+def _page_guarded(monitor: MonitorSettings) -> Iterator[Contradiction]:
+    if monitor.enabled and not (monitor.token or monitor.is_for_this_machine_only):
+        yield Contradiction(
+            (("monitor", "host"), ("monitor", "token"), ("monitor", "enabled")),
+            f"[monitor] host = {json.dumps(monitor.host)} can be reached from other machines and "
+            'needs a token; set one (`openssl rand -hex 16`), or host = "127.0.0.1"',
+        )

@@ -78,6 +78,9 @@ def setting_name(location: Location) -> str:
     """Return table and key of a setting as a person would look for it in the file."""
     *table, key = location
     if isinstance(key, int):
+        *above, field = table
+        if child_table(table_at(tuple(above)), str(field)) is None:
+            return f"{header(tuple(above))} {field} number {key + 1}"
         return f"{header(location)} number {key + 1}"
     number = f"number {table[-1] + 1}" if table and isinstance(table[-1], int) else ""
     return " ".join(part for part in (header(tuple(table)), number, shown_key(key)) if part)
@@ -90,6 +93,8 @@ def allowed(location: Location) -> str:
         return _in_words(key, table_at(location).model_json_schema()["properties"][key])
     if "controls" in location[:-1]:
         return CONTROL_VALUES
+    if location[:-1] == ("monitor", "names"):
+        return "a host name in quotes"
     if location[:2] == ("tuio", "destinations"):
         return f"at most {MOST_DESTINATIONS} tables, each written as {header((*location[:2], 0))}"
     return f"a table, written as {header(location)}"

@@ -6,6 +6,7 @@ from pydantic import model_validator
 
 from cornertouchd.config.consistency import ContradictionError, find_contradictions
 from cornertouchd.config.led_frame import LedFrameSettings
+from cornertouchd.config.monitor import MonitorSettings
 from cornertouchd.config.output import TuioSettings
 from cornertouchd.config.rig import (
     CalibrationSettings,
@@ -44,6 +45,7 @@ class Settings(Table):
     touch_point: TouchPointSettings = TouchPointSettings()
     tracking: TrackingSettings = TrackingSettings()
     tuio: TuioSettings = TuioSettings()
+    monitor: MonitorSettings = MonitorSettings()
     runtime: RuntimeSettings = RuntimeSettings()
 
     @model_validator(mode="after")
@@ -56,6 +58,7 @@ class Settings(Table):
             pairing=self.pairing,
             crossing=self.crossing,
             tuio=self.tuio,
+            monitor=self.monitor,
         )
         if found:
             raise ContradictionError(found)

@@ -19,7 +19,7 @@ from cornertouchd.runtime.assembly import (
 )
 from cornertouchd.runtime.led_light import LedLight, make_light
 
-BEHIND_THE_SINKS = ("tuio", "runtime")
+BEHIND_THE_SINKS = ("tuio", "monitor", "runtime")
 """Settings that no picture and no touch depends on."""
 
 
