@@ -12,14 +12,16 @@ import click
 
 from cornertouchd.errors import ReportedError
 from cornertouchd.places import runtime_directory
+from cornertouchd.runtime.answers import answers_of
+from cornertouchd.runtime.asking import SOCKET_NAME, AskSocket
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.daemon import Daemon
-from cornertouchd.runtime.health import HealthWatch, as_json
+from cornertouchd.runtime.health import HealthWatch
+from cornertouchd.runtime.log_tail import LogTail
 from cornertouchd.runtime.notify import ServiceManager
 from cornertouchd.runtime.parts import Parts, make_parts
 from cornertouchd.runtime.reloading import Reload, ReloadSignal
 from cornertouchd.runtime.service import ServiceReport
-from cornertouchd.runtime.status_socket import SOCKET_NAME, StatusSocket
 from cornertouchd.runtime.stop_signal import StopSignal
 
 HOLD_BACK_S = 10.0
@@ -42,6 +44,7 @@ def run(config_file: Path | None) -> None:
         contextlib.closing(ServiceManager(os.environ)) as manager,
         StopSignal() as stop,
         ReloadSignal() as hangup,
+        LogTail() as log,
         _told(manager, stop),
     ):
         manager.status("starting")
@@ -59,8 +62,10 @@ def run(config_file: Path | None) -> None:
         _log.info("running: %d cameras, TUIO to %s", len(parts.ports), _receivers(parts))
         report = ServiceReport(manager, daemon, clock)
         health = HealthWatch(daemon, clock)
-        with StatusSocket(runtime_directory(os.environ) / SOCKET_NAME, lambda: as_json(health.now)):
-            _serve(daemon, stop, hangup, Reload(daemon, parts, make), report, health)
+        reload = Reload(daemon, parts, make)
+        answers = answers_of(daemon, health, log, lambda: reload.parts.display)
+        with AskSocket(runtime_directory(os.environ) / SOCKET_NAME, answers):
+            _serve(daemon, stop, hangup, reload, report, health)
         counts = daemon.fusion_counts()
     _log.info("stopped: %d frame sets, %d touches", counts.frame_sets, counts.touches_begun)
 

@@ -17,7 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cornertouchd.places import SERVICE_RUNTIME, runtime_directory
-from cornertouchd.runtime.status_socket import SOCKET_NAME, read_status
+from cornertouchd.runtime.asking import SOCKET_NAME, RefusedError, read_document
 
 HEALTHY, DEGRADED, DOWN = 0, 1, 2
 """Exit status, as Nagios and its kin read it: OK, WARNING, CRITICAL."""
@@ -66,15 +66,17 @@ def _socket(surface: str | None) -> Path:
 def _ask(path: Path) -> dict[str, Any]:
     """Return what the daemon says; in place of one that is down, that it is."""
     try:
-        told = json.loads(read_status(path))
+        told = read_document(path, "status")
     except PermissionError:
         problem = f"{path}: may not be asked by this user; be in the group cornertouchd"
     except FileNotFoundError:
         problem = f"{path} is not there: no daemon runs; `systemctl start cornertouchd` starts it"
-    except (OSError, ValueError) as error:
+    except OSError as error:
         problem = f"{path}: no daemon answers: {error}"
+    except RefusedError as error:
+        problem = str(error)
     else:
-        return dict(told)
+        return told
     return {"state": "down", "problems": [problem]}
 
 

@@ -41,6 +41,7 @@ class UdpTuioSink:
         resolve: Resolve = resolve_name,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
+        self.source = source
         self._sleep = sleep
         self._closed = False
         self._now_s = float("-inf")

@@ -55,6 +55,11 @@ class Reload:
         self._refusal = ""
 
     @property
+    def parts(self) -> Parts:
+        """What the daemon is made of at present."""
+        return self._parts
+
+    @property
     def is_under_way(self) -> bool:
         """Whether it was begun and has not been finished."""
         return self._thread is not None

@@ -1,8 +1,6 @@
 """What the daemon tells of itself, and how `cornertouchd status` passes it on."""
 
 import json
-import socket
-import stat
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,11 +12,11 @@ from click.testing import CliRunner, Result
 
 from cornertouchd.cli import main
 from cornertouchd.devices.udp_destination import DestinationStatus
+from cornertouchd.runtime.asking import AskSocket, document
 from cornertouchd.runtime.capture import CaptureCounts
 from cornertouchd.runtime.fusing import FusionCounts
 from cornertouchd.runtime.health import HealthWatch, as_json
 from cornertouchd.runtime.led_light import LightState
-from cornertouchd.runtime.status_socket import StatusSocket, read_status
 
 GAME = DestinationStatus("127.0.0.1", 3333, 10, 0, None)
 
@@ -144,7 +142,7 @@ def status(path: Path, *options: str) -> Result:
 
 @pytest.fixture
 def answered(path: Path, rig: Rig, watch: HealthWatch) -> Iterator[None]:
-    with StatusSocket(path, lambda: as_json(watch.now)):
+    with AskSocket(path, {"status": document(lambda: as_json(watch.now))}):
         yield
 
 
@@ -181,45 +179,7 @@ def test_without_a_daemon_it_says_so(path: Path) -> None:
 
 
 def test_what_is_no_daemon_is_down(path: Path) -> None:
-    with StatusSocket(path, lambda: b"hello"):
+    with AskSocket(path, {"status": document(lambda: b"hello")}):
         told = status(path)
     assert told.exit_code == 2
-    assert "no daemon answers" in told.stderr
-
-
-@pytest.mark.usefixtures("answered")
-def test_nobody_else_may_ask(path: Path) -> None:
-    assert stat.S_IMODE(path.stat().st_mode) == 0o660
-
-
-def test_the_socket_of_a_daemon_that_died_is_replaced(path: Path) -> None:
-    path.parent.mkdir()
-    with socket.socket(socket.AF_UNIX) as dead:
-        dead.bind(str(path))
-    with StatusSocket(path, lambda: b"alive"):
-        assert read_status(path) == b"alive"
-    assert not path.exists()
-
-
-def test_the_socket_of_another_daemon_is_left_alone(
-    path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    with StatusSocket(path, lambda: b"first"):
-        with StatusSocket(path, lambda: b"second"):
-            assert read_status(path) == b"first"
-        assert read_status(path) == b"first"
-    assert "is another daemon running" in caplog.text
-
-
-def test_who_connects_and_says_nothing_keeps_nobody_waiting(path: Path) -> None:
-    with StatusSocket(path, lambda: b"told"), socket.socket(socket.AF_UNIX) as silent:
-        silent.connect(str(path))
-        assert read_status(path) == b"told"
-
-
-def test_a_place_where_no_socket_can_be_is_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    with StatusSocket(tmp_path / ("x" * 200), lambda: b"told"):
-        pass
-    assert "no status can be asked for" in caplog.text
+    assert "is no socket of cornertouchd" in told.stderr
