@@ -5,7 +5,6 @@ import os
 import click
 
 from cornertouchd.cli.targets import FiniteRange, HostPort
-from cornertouchd.cli.working import work
 from cornertouchd.config import (
     CamerasSettings,
     DestinationSettings,
@@ -13,9 +12,14 @@ from cornertouchd.config import (
     SimulationSettings,
     TuioSettings,
 )
+from cornertouchd.places import runtime_directory
+from cornertouchd.runtime.answers import answers_of
+from cornertouchd.runtime.asking import SOCKET_NAME, AskSocket
 from cornertouchd.runtime.assembly import find_calibration, make_ports, make_tuio_sink
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.daemon import Daemon
+from cornertouchd.runtime.health import LOOK_EVERY_S, Health, HealthWatch
+from cornertouchd.runtime.log_tail import LogTail
 from cornertouchd.runtime.stop_signal import StopSignal
 
 
@@ -57,31 +61,37 @@ def demo(
     clock = MonotonicClock()
     ports = make_ports(settings, clock)  # its pictures get ready while the rig is calibrated
     calibration = find_calibration(settings, os.environ)
-    with StopSignal() as stop:
+    with StopSignal() as stop, LogTail() as log:
         sink = make_tuio_sink(settings, calibration.surface_mm, "demo")
         daemon = Daemon(ports, calibration, [sink], settings, clock)
         click.echo(
             f"TUIO to {host}:{port}; see it with `cornertouchd listen`; Ctrl-C ends", err=True
         )
-        work(daemon, stop, seconds, _Report())
+        health = HealthWatch(daemon, clock)
+        answers = answers_of(daemon, health, log, lambda: None)
+        with AskSocket(runtime_directory(os.environ) / SOCKET_NAME, answers):
+            _work(daemon, health, stop, seconds)
     counts = daemon.fusion_counts()
     click.echo(f"{counts.frame_sets} frame sets, {counts.touches_begun} touches", err=True)
 
 
-class _Report:
-    """Prints one line a second: how it goes."""
+def _work(daemon: Daemon, health: HealthWatch, stop: StopSignal, seconds: float | None) -> None:
+    """Run the daemon until the signal or the end of `seconds`; say every second how it does."""
+    daemon.start()
+    try:
+        left_s = float("inf") if seconds is None else seconds
+        while left_s > 0 and not stop.wait(min(LOOK_EVERY_S, left_s)):
+            left_s -= LOOK_EVERY_S
+            health.look()
+            click.echo(_line(health.now), err=True)
+    finally:
+        daemon.stop()
 
-    def __init__(self) -> None:
-        self._frame_sets = 0
 
-    def __call__(self, daemon: Daemon) -> None:
-        counts = daemon.fusion_counts()
-        cameras = daemon.camera_counts().values()
-        click.echo(
-            f"{counts.frame_sets - self._frame_sets:4d} frame sets/s   "
-            f"{sum(camera.live for camera in cameras)} cameras   "
-            f"{counts.touches_now:2d} touches   "
-            f"{counts.partial} partial, {counts.skipped} skipped",
-            err=True,
-        )
-        self._frame_sets = counts.frame_sets
+def _line(health: Health) -> str:
+    return (
+        f"{health.frame_sets_per_s:4.0f} frame sets/s   "
+        f"{sum(camera.live for camera in health.cameras)} cameras   "
+        f"{health.fusion.touches_now:2d} touches   "
+        f"{health.fusion.partial} partial, {health.fusion.skipped} skipped"
+    )

@@ -1,30 +1,9 @@
-"""What `run` and `demo` share: start a daemon, wait for the signal, stop it, say what happened."""
+"""What several commands share: names of configurations, files that are to be written."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import click
-
-from cornertouchd.runtime.daemon import Daemon
-from cornertouchd.runtime.stop_signal import StopSignal
-
-REPORT_S = 1.0
-"""Time between two looks at what the daemon does."""
-
-
-def work(
-    daemon: Daemon, stop: StopSignal, seconds: float | None, report: Callable[[Daemon], None]
-) -> None:
-    """Run the daemon until the signal comes or `seconds` are over; report once a second."""
-    daemon.start()
-    try:
-        left_s = float("inf") if seconds is None else seconds
-        while left_s > 0 and not stop.wait(min(REPORT_S, left_s)):
-            left_s -= REPORT_S
-            report(daemon)
-    finally:
-        daemon.stop()
 
 
 def config_name(path: Path | None) -> str:
