@@ -68,7 +68,7 @@ def demo(
             f"TUIO to {host}:{port}; see it with `cornertouchd listen`; Ctrl-C ends", err=True
         )
         health = HealthWatch(daemon, clock)
-        answers = answers_of(daemon, health, log, lambda: None)
+        answers = answers_of(daemon, health, log, lambda: None, clock)
         with AskSocket(runtime_directory(os.environ) / SOCKET_NAME, answers):
             _work(daemon, health, stop, seconds)
     counts = daemon.fusion_counts()

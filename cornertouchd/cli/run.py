@@ -63,7 +63,7 @@ def run(config_file: Path | None) -> None:
         report = ServiceReport(manager, daemon, clock)
         health = HealthWatch(daemon, clock)
         reload = Reload(daemon, parts, make)
-        answers = answers_of(daemon, health, log, lambda: reload.parts.display)
+        answers = answers_of(daemon, health, log, lambda: reload.parts.display, clock)
         with AskSocket(runtime_directory(os.environ) / SOCKET_NAME, answers):
             _serve(daemon, stop, hangup, reload, report, health)
         counts = daemon.fusion_counts()

@@ -3,19 +3,26 @@
 from collections.abc import Callable
 
 from cornertouchd.calibration.display import DisplayPlace
+from cornertouchd.ports import Clock
 from cornertouchd.runtime.asking import Answer, document
 from cornertouchd.runtime.daemon import Daemon
 from cornertouchd.runtime.health import HealthWatch, as_json
 from cornertouchd.runtime.hello import hello
+from cornertouchd.runtime.kept_stream import pictures_of
 from cornertouchd.runtime.log_tail import LogTail
 
 
 def answers_of(
-    daemon: Daemon, health: HealthWatch, log: LogTail, display: Callable[[], DisplayPlace | None]
+    daemon: Daemon,
+    health: HealthWatch,
+    log: LogTail,
+    display: Callable[[], DisplayPlace | None],
+    clock: Clock,
 ) -> dict[str, Answer]:
     """Return every answer by the name that it is asked for by; `display` is that of the moment."""
     return {
         "status": document(lambda: as_json(health.now)),
         "hello": document(lambda: hello(daemon, display)),
         "log": document(log.as_json),
+        "pictures": pictures_of(daemon, clock),
     }

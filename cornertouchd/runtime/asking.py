@@ -41,7 +41,7 @@ _log = logging.getLogger("cornertouchd")
 
 
 class RefusedError(ReportedError):
-    """What listens does not answer what it was asked."""
+    """What is asked is not answered; the text says why."""
 
 
 class Asker:
@@ -69,6 +69,10 @@ class Asker:
         """Tell him; waits for him if he is slow.  Raises `OSError` when he is gone or hangs."""
         self._connection.sendall(data)
 
+    def pause(self, seconds: float) -> None:
+        """Wait; not for long if the daemon stops."""
+        self._stopping.wait(seconds)
+
     def further(self) -> list[Mapping[str, Any]]:
         """Return what else he has sent since, a JSON object a line; does not wait.
 
@@ -89,7 +93,10 @@ class Asker:
 
 
 Answer = Callable[[Asker], None]
-"""Tells one who asks; called in a thread of its own.  May raise `OSError` of `Asker.send`."""
+"""Tells one who asks; called in a thread of its own.
+
+May raise `OSError` of `Asker.send`, and `RefusedError` before anything was sent.
+"""
 
 
 def document(tell: Callable[[], bytes]) -> Answer:
@@ -192,6 +199,8 @@ class AskSocket:
             answer(Asker(connection, request, rest, self._stop))
         except OSError:
             raise  # he is gone
+        except RefusedError as error:
+            connection.sendall(_error(str(error)))
         except Exception as error:  # noqa: BLE001  touches go on, whatever cannot be told
             if name not in self._failed:
                 self._failed.add(name)

@@ -15,6 +15,7 @@ from cornertouchd.model import Frame, Observation
 from cornertouchd.pipeline import CameraPipeline, PictureError
 from cornertouchd.ports import Camera, CameraError, CameraPort
 from cornertouchd.runtime.faults import GOOD_TO_RECOVER, FaultLog
+from cornertouchd.runtime.keeping import Keeping
 from cornertouchd.runtime.latest import Latest
 from cornertouchd.runtime.led_light import CameraLight
 from cornertouchd.runtime.recovery import Recovery, may_be_cured_by_reset
@@ -47,19 +48,22 @@ class CaptureCounts:
 class CaptureStages:
     """What the pictures of one camera go through, and where the observations go.
 
-    `light` tells how they were lit; None if they tell themselves, or are always lit.
+    `light` tells how they were lit; None if they tell themselves, or are always lit.  `kept` is
+    where the newest stay.
     """
 
     calibration: CameraCalibration
     pipeline: CameraPipeline
     box: Latest[Observation]
     light: CameraLight | None = None
+    kept: Keeping | None = None
 
 
 class CaptureThread:
     """Reads one camera, as long as it is the one that was calibrated.
 
-    Guarantees: no exception of the camera or of a stage ends the thread; pixels never leave it.
+    Guarantees: no exception of the camera or of a stage ends the thread; pixels never leave it, but
+    for the copies that are kept.
     Assumes that the pipeline of its stages is used by nobody else.
     """
 
@@ -157,6 +161,7 @@ class CaptureThread:
         self._pipeline = stages.pipeline
         self._box = stages.box
         self._light = stages.light
+        self._kept = stages.kept
         self._left_out_in_a_row = 0
         self._shift: StripShift | None = None
         self._blind = stages.pipeline.blind_columns  # whoever made the pipeline has told them
@@ -202,6 +207,17 @@ class CaptureThread:
     def _observe(self, given: Frame) -> bool:
         self._follow_exchange()
         frame = given if self._light is None else self._light.label(given)
+        try:
+            return self._understand(frame)
+        finally:
+            self._watch("picture not kept", self._keep, frame or given)
+
+    def _keep(self, frame: Frame) -> None:
+        if self._kept is not None:
+            self._kept.put(frame)
+
+    def _understand(self, frame: Frame | None) -> bool:
+        """Send a picture through the stages; tell whether it is of use."""
         if frame is None:
             self._leave_out()
             return True  # the camera itself is well

@@ -16,6 +16,7 @@ from cornertouchd.pipeline import CameraPipeline, SurfacePipeline
 from cornertouchd.ports import CameraPlug, CameraPort, Clock, TouchSink
 from cornertouchd.runtime.capture import CaptureCounts, CaptureStages, CaptureThread
 from cornertouchd.runtime.fusing import FusionCounts, FusionStages, FusionThread
+from cornertouchd.runtime.keeping import Keeping
 from cornertouchd.runtime.latest import Latest
 from cornertouchd.runtime.led_light import LedLight, LightState
 from cornertouchd.runtime.realtime import prioritise
@@ -41,6 +42,7 @@ class DaemonStages:
     calibration: Calibration
     settings: Settings
     plugs: Mapping[str, CameraPlug]
+    kept: Keeping
     light: LedLight | None = None
 
     def with_sinks(self, sinks: Sequence[TouchSink], settings: Settings) -> "DaemonStages":
@@ -61,20 +63,26 @@ def make_stages(
     Raises `CalibrationError` if a camera does not fit the calibration.
     """
     box: Latest[Observation] = Latest()
+    kept = Keeping(
+        {port.id: port.format for port in ports},
+        settings.cameras.rate_hz,
+        settings.monitor.keep_s,
+        settings.monitor.keep_mb,
+    )
     captures = {}
     for port in ports:
         camera = calibration.camera(port.id)
         camera.require_camera(port.format, port.identity)
         pipeline = CameraPipeline(camera, settings)
         lit_by = None if light is None else light.of(port.id)
-        captures[port.id] = CaptureStages(camera, pipeline, box, lit_by)
+        captures[port.id] = CaptureStages(camera, pipeline, box, lit_by, kept)
     for camera_id, stages in captures.items():
         for columns in stages.pipeline.blind_columns:
             _log.warning("camera %s: %s", camera_id, columns)
     pairing = FrameSetPairing([port.id for port in ports], settings.pairing)
     surface = SurfacePipeline(calibration, settings)
     fusion = FusionStages(box, pairing, surface, sinks, tuple(captures))
-    return DaemonStages(ports, captures, fusion, calibration, settings, plugs, light)
+    return DaemonStages(ports, captures, fusion, calibration, settings, plugs, kept, light)
 
 
 class Daemon:
@@ -103,6 +111,11 @@ class Daemon:
     def stages(self) -> DaemonStages:
         """What it works with at present."""
         return self._stages
+
+    @property
+    def kept(self) -> Keeping:
+        """The pictures of the last moments."""
+        return self._stages.kept
 
     def start(self) -> None:
         """Start all threads.

@@ -43,6 +43,7 @@ def hello(daemon: Daemon, display: Callable[[], DisplayPlace | None]) -> bytes:
             }
             for to in stages.settings.tuio.destinations
         ],
+        "keeps_s": daemon.kept.seconds,
     }
     return json.dumps(said).encode()
 
