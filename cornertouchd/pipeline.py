@@ -13,7 +13,7 @@ from cornertouchd.calibration.heights import height_table
 from cornertouchd.config import Settings
 from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.crossing import Crossing, make_crossing
-from cornertouchd.fusion.denial import Darkness, without_denied
+from cornertouchd.fusion.denial import Darkness, left_out, without_denied
 from cornertouchd.fusion.dirt import Dirt, DirtWatch
 from cornertouchd.fusion.kinds import KindsOfContacts
 from cornertouchd.fusion.motion import CommonTime
@@ -38,6 +38,7 @@ from cornertouchd.vision.profile import NoiseError, shows_strip
 from cornertouchd.vision.reference import Reference
 from cornertouchd.vision.strip import StripNotFoundError, find_strip
 from cornertouchd.vision.strip_shift import StripShift, StripShiftWatch
+from cornertouchd.vision.strip_view import StripView, plain_view, shown_rows, view_of
 
 _log = logging.getLogger("cornertouchd")
 
@@ -66,6 +67,7 @@ class CameraPipeline:
         self._settings = settings
         self._dark_pictures = 0
         self._shift = StripShiftWatch(self._strip, calibration.empty)
+        self._shown_rows = shown_rows(self._strip, calibration.format.rows_px)
         self.learn_background(calibration.empty)
 
     def learn_background(self, empty: FloatArray) -> None:
@@ -157,6 +159,23 @@ class CameraPipeline:
     def blind_columns(self) -> tuple[MaskedColumns, ...]:
         """The columns that have been blind for a while.  Any thread may ask."""
         return self._blindness.blind
+
+    def show(self, frame: Frame) -> StripView:
+        """Return what people are shown of a picture; learns nothing.  Any thread may ask.
+
+        Raises `PictureError` if it has another size.
+        """
+        self._require_size(frame)
+        finder, background = self._finder, self._background
+        if background is None or not isinstance(finder, ProfileFinder):
+            return plain_view(frame, self._shown_rows, finder.find(frame.pixels))
+        return view_of(
+            frame,
+            self._shown_rows,
+            finder.look(frame.pixels, background.reference),
+            background.reference,
+            knows_darkness=background.dark_at_s is not None,
+        )
 
     def reset(self) -> None:
         """Forget what was learned from pictures."""
@@ -267,6 +286,7 @@ class SurfacePipeline:
             settings.tracking, calibration.surface_mm, 1.0 / settings.cameras.rate_hz
         )
         self._drift = DriftWatch(calibration)
+        self._refused: tuple[Contact, ...] = ()
 
     def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
         """Return what touches the surface in one frame set, whatever was before."""
@@ -297,10 +317,13 @@ class SurfacePipeline:
         )
 
     def _crossed(self, seen: Darkness, predictions: Predictions | None) -> Crossed:
+        self._refused = ()
         if not seen.lines:
             return Crossed.nothing()
         eyes = [*(self._lines[one.camera] for one in seen.lines), *seen.silent]
-        crossed = without_denied(self._crossing.cross(seen.lines, predictions), seen.silent, eyes)
+        found = self._crossing.cross(seen.lines, predictions)
+        crossed = without_denied(found, seen.silent, eyes)
+        self._refused = left_out(found, crossed)
         return self._kinds.tell(crossed, seen.lines) if self._kinds else crossed
 
     def _located(
@@ -310,6 +333,11 @@ class SurfacePipeline:
         if self._tips is None:
             return crossed.contacts, Tips.unknown(len(crossed.contacts))
         return self._tips.find(crossed, seen.lines, frame_set.observations)
+
+    @property
+    def refused(self) -> tuple[Contact, ...]:
+        """What was found in the last frame set and denied by cameras that see light there."""
+        return self._refused
 
     @property
     def dirt(self) -> tuple[Dirt, ...]:

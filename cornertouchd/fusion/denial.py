@@ -60,6 +60,14 @@ def without_denied(crossed: Crossed, silent: Sequence[Eye], eyes: Sequence[Eye])
     return crossed.take(kept)
 
 
+def left_out(before: Crossed, after: Crossed) -> tuple[Contact, ...]:
+    """Return the contacts of one crossing that are not among those that were taken from it."""
+    if len(before.contacts) == len(after.contacts):
+        return ()
+    kept = {id(contact) for contact in after.contacts}
+    return tuple(contact for contact in before.contacts if id(contact) not in kept)
+
+
 def _is_denied(contact: Contact, silent: Sequence[Eye], eyes: Sequence[Eye]) -> bool:
     denying = [eye for eye in silent if eye.sees(contact.x_mm, contact.y_mm)]
     if sum(eye.sees(contact.x_mm, contact.y_mm) for eye in eyes) < FEWEST_CAMERAS:

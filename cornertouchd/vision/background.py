@@ -183,6 +183,11 @@ class Background:
         return self._reference
 
     @property
+    def dark_at_s(self) -> float | None:
+        """When the dark picture was taken that tells the light of the surroundings, if one does."""
+        return self._dark_at_s
+
+    @property
     def masked_columns(self) -> tuple[MaskedColumns, ...]:
         """The columns of the strip that are blind now, from left to right.
 

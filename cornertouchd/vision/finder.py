@@ -5,7 +5,8 @@ from typing import Protocol
 from cornertouchd.config import VisionSettings
 from cornertouchd.model import FloatArray, Picture, Shadows
 from cornertouchd.vision.paper_edges import PaperFinder
-from cornertouchd.vision.profile import ProfileSampler
+from cornertouchd.vision.profile import Measured, ProfileSampler
+from cornertouchd.vision.reference import Reference
 from cornertouchd.vision.shadows import find_shadows
 from cornertouchd.vision.strip import Strip
 
@@ -27,9 +28,13 @@ class ProfileFinder:
 
     def find(self, picture: Picture) -> Shadows:
         """Return the shadows of a picture (rows, width_px) from left to right."""
-        measured = self.sampler.measure(picture, self.sampler.reference)
-        sunlit = measured.is_sunlit(self.sampler.reference, self._settings.saturated_grey)
-        return find_shadows(measured.profile, self._settings, sunlit=sunlit)
+        return self.look(picture, self.sampler.reference)[1]
+
+    def look(self, picture: Picture, reference: Reference) -> tuple[Measured, Shadows]:
+        """Return what a picture shows, measured against any reference."""
+        measured = self.sampler.measure(picture, reference)
+        sunlit = measured.is_sunlit(reference, self._settings.saturated_grey)
+        return measured, find_shadows(measured.profile, self._settings, sunlit=sunlit)
 
     def find_with_hidden(self, picture: Picture) -> tuple[Shadows, float]:
         """Return them with places where one could be hidden, as `find_shadows` does, and the gain.
