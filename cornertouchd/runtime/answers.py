@@ -10,6 +10,7 @@ from cornertouchd.runtime.health import HealthWatch, as_json
 from cornertouchd.runtime.hello import hello
 from cornertouchd.runtime.kept_stream import pictures_of
 from cornertouchd.runtime.log_tail import LogTail
+from cornertouchd.runtime.monitor_feed import MonitorFeed
 
 
 def answers_of(
@@ -25,4 +26,5 @@ def answers_of(
         "hello": document(lambda: hello(daemon, display)),
         "log": document(log.as_json),
         "pictures": pictures_of(daemon, clock),
+        "live": MonitorFeed(daemon, clock),
     }

@@ -23,6 +23,7 @@ from cornertouchd.runtime.realtime import prioritise
 from cornertouchd.runtime.recovery import Recovery
 from cornertouchd.vision.background import MaskedColumns
 from cornertouchd.vision.strip_shift import StripShift
+from cornertouchd.wire.live import Moment
 
 _log = logging.getLogger("cornertouchd")
 
@@ -201,6 +202,11 @@ class Daemon:
     def fusion_counts(self) -> FusionCounts:
         """Return what happened in the fusion thread so far."""
         return self._fusion.counts()
+
+    @property
+    def moment(self) -> Moment | None:
+        """What came of the last frame set.  Any thread may ask."""
+        return self._fusion.moment
 
     @property
     def drift(self) -> Drift | None:

@@ -14,6 +14,7 @@ from cornertouchd.ports import Clock, TouchSink
 from cornertouchd.runtime.camera_roll import CameraRoll
 from cornertouchd.runtime.faults import FaultLog
 from cornertouchd.runtime.latest import Latest
+from cornertouchd.wire.live import Moment
 
 WAIT_S = 0.02
 """Longest wait for an observation: sinks tick at least this often."""
@@ -83,6 +84,7 @@ class FusionThread:
         self._drift_faults = FaultLog("drift")
         self._thread = threading.Thread(target=self._run, name="fusion", daemon=True)
         self._last_set_s: float | None = None
+        self._moment: Moment | None = None
         self._begun: set[int] = set()
         self._frame_sets = self._partial = self._skipped = self._skipped_in_a_row = 0
         self._touches_begun = self._touches_now = self._dropped = 0
@@ -115,6 +117,11 @@ class FusionThread:
     def native_id(self) -> int | None:
         """What the kernel calls the thread; None before it is started."""
         return self._thread.native_id
+
+    @property
+    def moment(self) -> Moment | None:
+        """What came of the last frame set.  Any thread may ask."""
+        return self._moment
 
     def counts(self) -> FusionCounts:
         """Return what happened so far.  Any thread may ask."""
@@ -230,6 +237,8 @@ class FusionThread:
         now_s = self._clock.now_s()
         for sink in self._sinks:
             sink.send(TouchFrame(frame_set.captured_at_s, touches), now_s)
+        refused = self._pipeline.refused
+        self._moment = Moment(frame_set, contacts, touches, refused, self._clock.now_s())
         self._last_set_s = now_s
         self._frame_sets += 1
         self._skipped_in_a_row = 0
@@ -313,6 +322,7 @@ class FusionThread:
     def _lift(self, now_s: float) -> None:
         """End all touches: what they stood on is gone."""
         self._last_set_s = None
+        self._moment = Moment(FrameSet(now_s, ()), (), (), (), now_s)
         self._pipeline.reset()
         self._pairing.reset()
         self._begun = set()
