@@ -1,0 +1,1 @@
+"""The live page: a process of its own that serves browsers what the daemon tells it."""
