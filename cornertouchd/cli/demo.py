@@ -8,6 +8,7 @@ from cornertouchd.cli.targets import FiniteRange, HostPort
 from cornertouchd.config import (
     CamerasSettings,
     DestinationSettings,
+    MonitorSettings,
     Settings,
     SimulationSettings,
     TuioSettings,
@@ -20,6 +21,7 @@ from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.daemon import Daemon
 from cornertouchd.runtime.health import LOOK_EVERY_S, Health, HealthWatch
 from cornertouchd.runtime.log_tail import LogTail
+from cornertouchd.runtime.monitor_process import MonitorProcess, page_options
 from cornertouchd.runtime.stop_signal import StopSignal
 
 
@@ -31,7 +33,14 @@ from cornertouchd.runtime.stop_signal import StopSignal
 @click.option(
     "--tuio", type=HostPort(), default="127.0.0.1:3333", show_default=True, help="TUIO client."
 )
-@click.option("--no-monitor", is_flag=True, help="Without the live page (there is none yet).")
+@click.option("--no-monitor", is_flag=True, help="Without the live page.")
+@click.option(
+    "--monitor-port",
+    type=click.IntRange(1, 65535),
+    default=MonitorSettings().port,
+    show_default=True,
+    help="Where the live page is served, on this machine only.",
+)
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
 @click.option(
     "--speed",
@@ -44,7 +53,8 @@ def demo(
     seconds: float | None,
     touches: int,
     tuio: tuple[str, int],
-    no_monitor: bool,  # noqa: ARG001  accepted so that scripts need not change when the page comes
+    no_monitor: bool,
+    monitor_port: int,
     seed: int,
     speed: float,
 ) -> None:
@@ -57,6 +67,7 @@ def demo(
         cameras=CamerasSettings(source="simulated"),
         simulation=SimulationSettings(seed=seed, touches=touches, speed=speed),
         tuio=TuioSettings(destinations=(DestinationSettings(host=host, port=port),)),
+        monitor=MonitorSettings(enabled=not no_monitor, port=monitor_port),
     )
     clock = MonotonicClock()
     ports = make_ports(settings, clock)  # its pictures get ready while the rig is calibrated
@@ -69,13 +80,28 @@ def demo(
         )
         health = HealthWatch(daemon, clock)
         answers = answers_of(daemon, health, log, lambda: None, clock)
-        with AskSocket(runtime_directory(os.environ) / SOCKET_NAME, answers):
-            _work(daemon, health, stop, seconds)
+        socket = runtime_directory(os.environ) / SOCKET_NAME
+        options = page_options(settings, socket, os.environ)
+        with (
+            AskSocket(socket, answers),
+            MonitorProcess(lambda: options, clock, _say) as page,
+        ):
+            _work(daemon, health, page, stop, seconds)
     counts = daemon.fusion_counts()
     click.echo(f"{counts.frame_sets} frame sets, {counts.touches_begun} touches", err=True)
 
 
-def _work(daemon: Daemon, health: HealthWatch, stop: StopSignal, seconds: float | None) -> None:
+def _say(text: str) -> None:
+    click.echo(text, err=True)
+
+
+def _work(
+    daemon: Daemon,
+    health: HealthWatch,
+    page: MonitorProcess,
+    stop: StopSignal,
+    seconds: float | None,
+) -> None:
     """Run the daemon until the signal or the end of `seconds`; say every second how it does."""
     daemon.start()
     try:
@@ -83,6 +109,7 @@ def _work(daemon: Daemon, health: HealthWatch, stop: StopSignal, seconds: float 
         while left_s > 0 and not stop.wait(min(LOOK_EVERY_S, left_s)):
             left_s -= LOOK_EVERY_S
             health.look()
+            page.look()
             click.echo(_line(health.now), err=True)
     finally:
         daemon.stop()

@@ -18,6 +18,7 @@ from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.daemon import Daemon
 from cornertouchd.runtime.health import HealthWatch
 from cornertouchd.runtime.log_tail import LogTail
+from cornertouchd.runtime.monitor_process import MonitorProcess, page_options
 from cornertouchd.runtime.notify import ServiceManager
 from cornertouchd.runtime.parts import Parts, make_parts
 from cornertouchd.runtime.reloading import Reload, ReloadSignal
@@ -64,8 +65,14 @@ def run(config_file: Path | None) -> None:
         health = HealthWatch(daemon, clock)
         reload = Reload(daemon, parts, make)
         answers = answers_of(daemon, health, log, lambda: reload.parts.display, clock)
-        with AskSocket(runtime_directory(os.environ) / SOCKET_NAME, answers):
-            _serve(daemon, stop, hangup, reload, report, health)
+        socket = runtime_directory(os.environ) / SOCKET_NAME
+        with (
+            AskSocket(socket, answers),
+            MonitorProcess(
+                lambda: page_options(daemon.stages.settings, socket, os.environ), clock
+            ) as page,
+        ):
+            _serve(daemon, stop, hangup, reload, report, health, page)
         counts = daemon.fusion_counts()
     _log.info("stopped: %d frame sets, %d touches", counts.frame_sets, counts.touches_begun)
 
@@ -82,6 +89,7 @@ def _serve(
     reload: Reload,
     report: ServiceReport,
     health: HealthWatch,
+    page: MonitorProcess,
 ) -> None:
     """Run the daemon until the signal comes; follow SIGHUP and tell the service manager."""
     daemon.start()
@@ -96,6 +104,7 @@ def _serve(
                 reload.begin()
             report.look()
             health.look()
+            page.look()
     finally:
         report.stopping()
         daemon.stop()
