@@ -22,7 +22,7 @@ COMMANDS = {
     "demo": "Simulate a rig with moving fingers and send its touches as TUIO.",
     "leds": "Look at the LED frame, try it out, write its firmware.",
     "listen": "Show the touches that a TUIO tracker sends, whichever it is.",
-    "record": "Record the configured cameras into a directory until Ctrl-C.",
+    "record": "Record the running daemon, or the cameras, into a directory.",
     "replay": "Replay a recording through the whole pipeline.",
     "run": "Run the daemon: cameras in, TUIO out, until SIGINT or SIGTERM.",
     "status": "Tell how the running daemon does.",

@@ -79,7 +79,7 @@ def demo(
             f"TUIO to {host}:{port}; see it with `cornertouchd listen`; Ctrl-C ends", err=True
         )
         health = HealthWatch(daemon, clock)
-        answers = answers_of(daemon, health, log, lambda: None, clock)
+        answers = answers_of(daemon, health, log, "", lambda: None, clock)
         socket = runtime_directory(os.environ) / SOCKET_NAME
         options = page_options(settings, socket, os.environ)
         with (

@@ -9,6 +9,15 @@ from pathlib import Path
 from typing import IO, Any
 
 import click
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
 from cornertouchd.calibration.file import load_calibration
 from cornertouchd.calibration.observing import mean_pictures
@@ -85,7 +94,7 @@ def replay(
         _sinks(settings, recording.surface_mm, tuio) as sinks,
     ):
         contacts = count = 0
-        for replayed in _paced(source, pace, sinks, stop):
+        for replayed in _shown(_paced(source, pace, sinks, stop), len(recording)):
             if lines is not None:
                 lines.write(json.dumps(_as_json(replayed)) + "\n")
             contacts += len(replayed.contacts)
@@ -178,6 +187,23 @@ def _paced(
         for sink in sinks:
             sink.send(TouchFrame(replayed.captured_at_s, replayed.touches), clock.now_s())
         yield replayed
+
+
+def _shown(sets: Iterator[ReplayedSet], count: int) -> Iterator[ReplayedSet]:
+    """Yield the same and show on the terminal, if messages go to one, how far it is."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield from sets
+        return
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("frame sets"),
+        TaskProgressColumn(show_speed=True),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as progress:
+        yield from progress.track(sets, total=count)
 
 
 def _lean(contact: Contact) -> dict[str, float]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import click
 
+from cornertouchd.cli.working import config_name
 from cornertouchd.errors import ReportedError
 from cornertouchd.places import runtime_directory
 from cornertouchd.runtime.answers import answers_of
@@ -64,7 +65,9 @@ def run(config_file: Path | None) -> None:
         report = ServiceReport(manager, daemon, clock)
         health = HealthWatch(daemon, clock)
         reload = Reload(daemon, parts, make)
-        answers = answers_of(daemon, health, log, lambda: reload.parts.display, clock)
+        answers = answers_of(
+            daemon, health, log, config_name(parts.path), lambda: reload.parts.display, clock
+        )
         socket = runtime_directory(os.environ) / SOCKET_NAME
         with (
             AskSocket(socket, answers),

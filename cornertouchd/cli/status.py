@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import os
 import sys
 import time
 from collections.abc import Iterator
@@ -16,8 +15,8 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from cornertouchd.places import SERVICE_RUNTIME, runtime_directory
-from cornertouchd.runtime.asking import SOCKET_NAME, RefusedError, read_document
+from cornertouchd.cli.running_daemon import socket_of
+from cornertouchd.runtime.asking import RefusedError, read_document
 
 HEALTHY, DEGRADED, DOWN = 0, 1, 2
 """Exit status, as Nagios and its kin read it: OK, WARNING, CRITICAL."""
@@ -42,7 +41,7 @@ def status(surface: str | None, as_json: bool, watch: bool, socket_file: Path | 
     Of several that run as cornertouchd@SURFACE, SURFACE says which is meant. Exit status 0 if all
     is well, 1 if something is missing, 2 if no daemon answers.
     """
-    path = socket_file or _socket(surface)
+    path = socket_file or socket_of(surface)
     if watch:
         _watch(path, as_json)
     told = _ask(path)
@@ -53,14 +52,6 @@ def status(surface: str | None, as_json: bool, watch: bool, socket_file: Path | 
     else:
         Console().print(_page(told))
     sys.exit({"healthy": HEALTHY, "degraded": DEGRADED}.get(told["state"], DOWN))
-
-
-def _socket(surface: str | None) -> Path:
-    """Return where the service is asked, or the daemon of this user if there is no service."""
-    if surface:
-        return SERVICE_RUNTIME / surface / SOCKET_NAME
-    of_service = SERVICE_RUNTIME / SOCKET_NAME
-    return of_service if of_service.exists() else runtime_directory(os.environ) / SOCKET_NAME
 
 
 def _ask(path: Path) -> dict[str, Any]:

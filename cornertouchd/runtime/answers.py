@@ -17,13 +17,14 @@ def answers_of(
     daemon: Daemon,
     health: HealthWatch,
     log: LogTail,
+    configuration: str,
     display: Callable[[], DisplayPlace | None],
     clock: Clock,
 ) -> dict[str, Answer]:
-    """Return every answer by the name that it is asked for by; `display` is that of the moment."""
+    """Return every answer by the name that it is asked for by.  See `hello` for the others."""
     return {
         "status": document(lambda: as_json(health.now)),
-        "hello": document(lambda: hello(daemon, display)),
+        "hello": document(lambda: hello(daemon, configuration, display)),
         "log": document(log.as_json),
         "pictures": pictures_of(daemon, clock),
         "live": MonitorFeed(daemon, clock),

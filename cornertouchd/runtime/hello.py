@@ -21,15 +21,17 @@ class HasSource(Protocol):
         ...
 
 
-def hello(daemon: Daemon, display: Callable[[], DisplayPlace | None]) -> bytes:
+def hello(daemon: Daemon, configuration: str, display: Callable[[], DisplayPlace | None]) -> bytes:
     """Return as JSON what a viewer has to know before it is told of moments.
 
-    `display` tells where the display was found to lie.
+    `configuration` is its file, empty for the defaults; `display` tells where the display was
+    found to lie.
     """
     stages = daemon.stages
     place = display()
     said = {
         "version": __version__,
+        "configuration": configuration,
         "surface_mm": stages.calibration.surface_mm,
         "rate_hz": stages.settings.cameras.rate_hz,
         "source_name": next(_sources(stages), ""),

@@ -134,6 +134,23 @@ class Keeping:
                 return frame
         return None
 
+    def giving(self, seconds: float) -> tuple[str, ...]:
+        """Return the cameras that gave a picture in the last seconds."""
+        since_s = self.newest_s - seconds
+        return tuple(
+            camera
+            for camera, kept in self._cameras.items()
+            if kept.count and kept.captured_at_s(kept.count - 1) >= since_s
+        )
+
+    @property
+    def newest_s(self) -> float:
+        """When the newest picture was taken; 0 if there is none."""
+        return max(
+            (kept.captured_at_s(kept.count - 1) for kept in self._cameras.values() if kept.count),
+            default=0.0,
+        )
+
     def last(self, seconds: float) -> Iterator[Frame]:
         """Yield the pictures of the last seconds that are kept, in the order they were taken."""
         return KeptReader(self, seconds).pending()
@@ -147,18 +164,9 @@ class KeptReader:
 
     def __init__(self, keeping: Keeping, last_s: float) -> None:
         self._cameras = keeping.cameras
-        newest_s = max(
-            (kept.captured_at_s(kept.count - 1) for kept in self._cameras.values() if kept.count),
-            default=0.0,
-        )
-        since_s = newest_s - min(last_s, keeping.seconds)
+        since_s = keeping.newest_s - min(last_s, keeping.seconds)
         self._next = {camera: _first_since(kept, since_s) for camera, kept in self._cameras.items()}
         self.missing = 0
-
-    @property
-    def waiting(self) -> Mapping[str, int]:
-        """How many pictures of each camera have come and not been read."""
-        return {camera: kept.count - self._next[camera] for camera, kept in self._cameras.items()}
 
     def pending(self) -> Iterator[Frame]:
         """Yield the pictures that have come until now, in the order they were taken."""

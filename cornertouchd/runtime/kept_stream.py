@@ -1,6 +1,6 @@
 """The pictures that the daemon keeps, and those that come, told to whoever records them."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from math import isfinite
 from typing import Any
 
@@ -18,6 +18,9 @@ from cornertouchd.wire.pictures import (
 LOOK_S = 0.02
 """How often it is looked for new pictures: two of each camera at the usual rate."""
 
+OF_LATE_S = 2.0
+"""A camera that gave no picture for so long is lost, not just slow."""
+
 
 def pictures_of(daemon: Daemon, clock: Clock) -> Answer:
     """Return what answers "pictures": of the last `last_s`, then for `seconds`.
@@ -33,7 +36,7 @@ def _stream(daemon: Daemon, clock: Clock, asker: Asker) -> None:
     until_s = None if seconds is None else clock.now_s() + seconds
     kept = daemon.kept
     reader = KeptReader(kept, last_s)
-    asker.send(_head(daemon, reader.waiting).encode())
+    asker.send(_head(daemon, kept.giving(max(last_s, OF_LATE_S))).encode())
     index = {camera: number for number, camera in enumerate(kept.cameras)}
     while True:
         is_last = (
@@ -49,7 +52,7 @@ def _stream(daemon: Daemon, clock: Clock, asker: Asker) -> None:
     asker.send(encode_end(reader.missing))
 
 
-def _head(daemon: Daemon, waiting: Mapping[str, int]) -> StreamHead:
+def _head(daemon: Daemon, giving: Collection[str]) -> StreamHead:
     stages = daemon.stages
     return StreamHead(
         surface_mm=stages.calibration.surface_mm,
@@ -63,7 +66,7 @@ def _head(daemon: Daemon, waiting: Mapping[str, int]) -> StreamHead:
                 row_offset_px=port.format.row_offset_px,
                 rows_px=port.format.rows_px,
                 identity=port.identity,
-                pictures=waiting[port.id],
+                gives=port.id in giving,
             )
             for port in stages.ports
         ),

@@ -12,6 +12,9 @@ from cornertouchd.ports import CameraError, CameraPort
 QUEUE_FRAMES = 400
 """Pictures that may wait for the disk: a second of four cameras at 100 Hz."""
 
+LONGEST_WAIT_S = 1.0
+"""Frames wait so long for fellows; those of a camera that is late by more never come."""
+
 LOOK_S = 0.1
 """How often it is looked whether to stop while no picture comes."""
 
@@ -27,6 +30,7 @@ class FrameGrouping:
     def add(self, frame: Frame) -> list[tuple[Frame, ...]]:
         """Take a frame; return the sets that it completes, in the order of the cameras."""
         self._waiting[frame.camera].append(frame)
+        self._drop_before(frame.captured_at_s - LONGEST_WAIT_S)
         complete: list[tuple[Frame, ...]] = []
         while all(self._waiting.values()):
             heads = [frames[0] for frames in self._waiting.values()]
@@ -38,6 +42,12 @@ class FrameGrouping:
                 self._waiting[oldest.camera].popleft()
                 self.dropped += 1
         return complete
+
+    def _drop_before(self, time_s: float) -> None:
+        for frames in self._waiting.values():
+            while frames and frames[0].captured_at_s < time_s:
+                frames.popleft()
+                self.dropped += 1
 
 
 class Recorder:

@@ -34,7 +34,7 @@ class _Entry(BaseModel):
 
 
 class StreamedCamera(_Entry):
-    """A camera of the stream; `pictures` of it are kept of the time that was asked for."""
+    """A camera of the stream; `gives` tells whether it gave pictures of late."""
 
     id: str = Field(min_length=1)
     width_px: _Pixels
@@ -42,7 +42,7 @@ class StreamedCamera(_Entry):
     row_offset_px: int = Field(ge=0)
     rows_px: _Pixels
     identity: str = ""
-    pictures: int = Field(0, ge=0)
+    gives: bool = True
 
     @property
     def format(self) -> PictureFormat:
