@@ -36,7 +36,6 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), microphone=(), geolocation=(), usb=(), serial=()",
     "Cache-Control": "no-store",
-    "Server": "cornertouchd",
 }
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -233,3 +232,4 @@ def _response(file: PageFile, headers: Mapping[str, str], status: int = 200) -> 
 async def _add_headers(_: web.Request, response: web.StreamResponse) -> None:
     for name, value in HEADERS.items():
         response.headers.setdefault(name, value)
+    response.headers["Server"] = "cornertouchd"  # whose versions are nobody's business

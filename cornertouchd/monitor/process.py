@@ -40,7 +40,8 @@ def main() -> None:
     try:
         asyncio.run(_serve(options))
     except OSError as error:
-        _say({"failed": f"{error.strerror or error}"})
+        where = f"{options.host}:{options.port}"
+        _say({"failed": f"{where}: {error}; set monitor.port or host, or end what is there"})
         sys.exit(1)
 
 
