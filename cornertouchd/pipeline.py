@@ -287,6 +287,7 @@ class SurfacePipeline:
         )
         self._drift = DriftWatch(calibration)
         self._refused: tuple[Contact, ...] = ()
+        self._supports = Crossed.nothing().supports
 
     def cross(self, frame_set: FrameSet) -> tuple[Contact, ...]:
         """Return what touches the surface in one frame set, whatever was before."""
@@ -319,11 +320,13 @@ class SurfacePipeline:
     def _crossed(self, seen: Darkness, predictions: Predictions | None) -> Crossed:
         self._refused = ()
         if not seen.lines:
-            return Crossed.nothing()
+            nothing = Crossed.nothing()
+            self._supports = nothing.supports
+            return nothing
         eyes = [*(self._lines[one.camera] for one in seen.lines), *seen.silent]
         found = self._crossing.cross(seen.lines, predictions)
         crossed = without_denied(found, seen.silent, eyes)
-        self._refused = left_out(found, crossed)
+        self._refused, self._supports = left_out(found, crossed), crossed.supports
         return self._kinds.tell(crossed, seen.lines) if self._kinds else crossed
 
     def _located(
@@ -338,6 +341,11 @@ class SurfacePipeline:
     def refused(self) -> tuple[Contact, ...]:
         """What was found in the last frame set and denied by cameras that see light there."""
         return self._refused
+
+    @property
+    def supports(self) -> FloatArray:
+        """How firmly the contacts of the last frame set are believed (`Crossed.supports`)."""
+        return self._supports
 
     @property
     def dirt(self) -> tuple[Dirt, ...]:

@@ -23,7 +23,7 @@ def answers_of(
 ) -> dict[str, Answer]:
     """Return every answer by the name that it is asked for by.  See `hello` for the others."""
     return {
-        "status": document(lambda: as_json(health.now)),
+        "status": document(lambda: as_json(health.tell())),
         "hello": document(lambda: hello(daemon, configuration, display)),
         "log": document(log.as_json),
         "pictures": pictures_of(daemon, clock),

@@ -18,6 +18,7 @@ from cornertouchd.runtime.faults import GOOD_TO_RECOVER, FaultLog
 from cornertouchd.runtime.keeping import Keeping
 from cornertouchd.runtime.latest import Latest
 from cornertouchd.runtime.led_light import CameraLight
+from cornertouchd.runtime.losses import Losses
 from cornertouchd.runtime.recovery import Recovery, may_be_cured_by_reset
 from cornertouchd.vision.lighting import Lighting, lighting
 from cornertouchd.vision.strip_shift import StripShift
@@ -37,6 +38,11 @@ class CaptureCounts:
     opened: int
     live: bool
     resets: int
+    lost: int = 0
+    """Pictures that the driver had no buffer for, or could not receive."""
+    damaged: int = 0
+    left_out: int = 0
+    """Pictures of which it is not known how they were lit."""
 
     @property
     def reopened(self) -> int:
@@ -83,7 +89,9 @@ class CaptureThread:
         self._faults = FaultLog(f"camera {port.id}")
         self._thread = threading.Thread(target=self._run, name=f"capture-{port.id}", daemon=True)
         self._frames = 0
-        self._opened = 0
+        self._opened = self._left_out = 0
+        self._camera: Camera | None = None
+        self._losses = Losses()
         self._live = False
         self._use(self._wanted)
 
@@ -121,7 +129,13 @@ class CaptureThread:
     def counts(self) -> CaptureCounts:
         """Return what happened so far.  Any thread may ask."""
         return CaptureCounts(
-            self._frames, self._faults.count, self._opened, self._live, self._recovery.resets
+            self._frames,
+            self._faults.count,
+            self._opened,
+            self._live,
+            self._recovery.resets,
+            *self._losses.of(self._camera),
+            self._left_out,
         )
 
     def _run(self) -> None:
@@ -148,11 +162,14 @@ class CaptureThread:
             self._faults.fault("opening failed", error, traceback_of=error)
             return
         self._opened += 1
+        self._camera = camera
         try:
             if self._is_calibrated():
                 self._reset_may_help = True
                 self._read(camera)
         finally:
+            self._losses.add(camera)
+            self._camera = None
             self._close(camera)
 
     def _use(self, stages: CaptureStages) -> None:
@@ -248,6 +265,7 @@ class CaptureThread:
 
     def _leave_out(self) -> None:
         """Count a picture of which it is not known how it was lit."""
+        self._left_out += 1
         self._left_out_in_a_row += 1
         if self._left_out_in_a_row >= LEFT_OUT_IN_A_ROW:
             self._faults.fault(

@@ -13,6 +13,7 @@ from cornertouchd.pipeline import SurfacePipeline
 from cornertouchd.ports import Clock, TouchSink
 from cornertouchd.runtime.camera_roll import CameraRoll
 from cornertouchd.runtime.faults import FaultLog
+from cornertouchd.runtime.latency import NO_LATENCY, Latency, LatencyHistogram
 from cornertouchd.runtime.latest import Latest
 from cornertouchd.wire.live import Moment
 
@@ -44,6 +45,10 @@ class FusionCounts:
     dropped: int
     turns: int
     """Of the loop, which turns without cameras too."""
+    ghosts: int = 0
+    """Contacts that were found and denied by cameras that see light there."""
+    latency: Latency = NO_LATENCY
+    """From the picture until the touches were sent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +92,8 @@ class FusionThread:
         self._moment: Moment | None = None
         self._begun: set[int] = set()
         self._frame_sets = self._partial = self._skipped = self._skipped_in_a_row = 0
-        self._touches_begun = self._touches_now = self._dropped = 0
+        self._touches_begun = self._touches_now = self._dropped = self._ghosts = 0
+        self._latency = LatencyHistogram()
         self._drift: Drift | None = None
         self._dirt: tuple[Dirt, ...] = ()
 
@@ -134,6 +140,8 @@ class FusionThread:
             self._faults.count + self._drift_faults.count,
             self._dropped,
             self._turns,
+            self._ghosts,
+            self._latency.read(),
         )
 
     @property
@@ -237,8 +245,10 @@ class FusionThread:
         now_s = self._clock.now_s()
         for sink in self._sinks:
             sink.send(TouchFrame(frame_set.captured_at_s, touches), now_s)
-        refused = self._pipeline.refused
-        self._moment = Moment(frame_set, contacts, touches, refused, self._clock.now_s())
+        refused, told_at_s = self._pipeline.refused, self._clock.now_s()
+        self._moment = Moment(frame_set, contacts, touches, refused, told_at_s)
+        self._latency.note(told_at_s - frame_set.captured_at_s)
+        self._ghosts += len(refused)
         self._last_set_s = now_s
         self._frame_sets += 1
         self._skipped_in_a_row = 0

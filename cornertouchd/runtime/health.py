@@ -2,15 +2,18 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Literal, Protocol, runtime_checkable
 
+from cornertouchd import __version__
 from cornertouchd.devices.udp_destination import DestinationStatus
 from cornertouchd.ports import Clock, TouchSink
 from cornertouchd.runtime.capture import CaptureCounts
 from cornertouchd.runtime.daemon import Daemon
 from cornertouchd.runtime.fusing import FusionCounts
 from cornertouchd.runtime.led_light import LightState
+from cornertouchd.runtime.own_process import ProcessUse, process_use
+from cornertouchd.runtime.strip_readings import StripReading, read_strip
 
 State = Literal["healthy", "degraded"]
 
@@ -20,7 +23,11 @@ LOOK_EVERY_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class CameraHealth:
-    """One camera; the numbers count from the start of the daemon, but for the rate."""
+    """One camera; the numbers count from the start of the daemon, but for the rate.
+
+    `masked_columns` are blind now: dead LEDs, glare.  `strip` is read when somebody asks, None if
+    there is no lit picture.
+    """
 
     id: str
     live: bool
@@ -29,8 +36,26 @@ class CameraHealth:
     faults: int
     reopened: int
     resets: int
+    lost: int
+    damaged: int
+    left_out: int
+    masked_columns: int
     blind: tuple[str, ...]
     strip_shift: str
+    strip: StripReading | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LastFrameSet:
+    """What the last frame set was; `least_support` is None if nothing touched.
+
+    `skew_s` lies between its first and its last picture.
+    """
+
+    contacts: int
+    refused: int
+    skew_s: float
+    least_support: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +74,10 @@ class Health:
     cameras: tuple[CameraHealth, ...]
     destinations: tuple[DestinationStatus, ...]
     light: LightState | None
+    last: LastFrameSet
+    process: ProcessUse
+    cpu_share: float
+    version: str
     calibrated_at: str
     residual_mm: float
 
@@ -77,12 +106,22 @@ class HealthWatch:
         self._started_at_s = self._looked_at_s = clock.now_s()
         self._frame_sets = 0
         self._pictures: Mapping[str, int] = {}
+        self._used = process_use()
         self._now = self._health(0.0, LOOK_EVERY_S)
 
     @property
     def now(self) -> Health:
         """What was seen at the last look."""
         return self._now
+
+    def tell(self) -> Health:
+        """Return what was seen at the last look, and how bright the strips are now."""
+        now, stages = self._now, self._daemon.stages
+        cameras = tuple(
+            replace(one, strip=read_strip(stages, one.id)) if one.id in stages.captures else one
+            for one in now.cameras
+        )
+        return replace(now, cameras=cameras)
 
     def look(self) -> None:
         """Look anew; what has happened since the last look gives the rates."""
@@ -101,7 +140,7 @@ class HealthWatch:
         frame_sets_per_s = max(fusion.frame_sets - self._frame_sets, 0) / span_s
         self._frame_sets = fusion.frame_sets
         self._pictures = {name: each.frames for name, each in counts.items()}
-        light = daemon.light_state()
+        light, before, self._used = daemon.light_state(), self._used, process_use()
         problems = tuple(_problems(cameras, frame_sets_per_s, light))
         return Health(
             "degraded" if problems else "healthy",
@@ -113,11 +152,28 @@ class HealthWatch:
             cameras,
             destinations,
             light,
+            self._last(),
+            self._used,
+            (self._used.cpu_s - before.cpu_s) / span_s,
+            __version__,
             stages.calibration.created_at,
             stages.calibration.residual_mm,
         )
 
+    def _last(self) -> LastFrameSet:
+        moment, supports = self._daemon.moment, self._daemon.stages.fusion.pipeline.supports
+        if moment is None:
+            return LastFrameSet(0, 0, 0.0, None)
+        times_s = [seen.captured_at_s for seen in moment.frame_set.observations]
+        return LastFrameSet(
+            len(moment.contacts),
+            len(moment.refused),
+            max(times_s) - min(times_s) if times_s else 0.0,
+            float(min(supports)) if len(supports) else None,
+        )
+
     def _camera(self, name: str, counts: CaptureCounts, span_s: float) -> CameraHealth:
+        pipeline = self._daemon.stages.captures[name].pipeline
         return CameraHealth(
             name,
             counts.live,
@@ -126,7 +182,11 @@ class HealthWatch:
             counts.faults,
             counts.reopened,
             counts.resets,
-            tuple(map(str, self._daemon.stages.captures[name].pipeline.blind_columns)),
+            counts.lost,
+            counts.damaged,
+            counts.left_out,
+            sum(masked.last_px - masked.first_px + 1 for masked in pipeline.masked_columns),
+            tuple(map(str, pipeline.blind_columns)),
             str(self._daemon.strip_shifts().get(name, "")),
         )
 

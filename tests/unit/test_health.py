@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
@@ -17,6 +18,7 @@ from cornertouchd.runtime.capture import CaptureCounts
 from cornertouchd.runtime.fusing import FusionCounts
 from cornertouchd.runtime.health import HealthWatch, as_json
 from cornertouchd.runtime.led_light import LightState
+from cornertouchd.wire.live import Moment
 
 GAME = DestinationStatus("127.0.0.1", 3333, 10, 0, None)
 
@@ -33,7 +35,9 @@ class Rig:
         self.live = {"C1": True, "C2": True}
         self.pictures = 0
         self.fusion = FusionCounts(0, 0, 0, 0, 0, 0, 0, 0)
-        self.pipeline = SimpleNamespace(blind_columns=())
+        self.pipeline = SimpleNamespace(blind_columns=(), masked_columns=())
+        self.moment: Moment | None = None
+        self.supports = np.empty(0)
         self.sink = FakeSink()
         self.drift, self.dirt = None, ()
         self.light: LightState | None = None
@@ -45,7 +49,9 @@ class Rig:
     def stages(self) -> Any:
         return SimpleNamespace(
             captures={name: SimpleNamespace(pipeline=self.pipeline) for name in self.live},
-            fusion=SimpleNamespace(sinks=[self.sink]),
+            fusion=SimpleNamespace(
+                sinks=[self.sink], pipeline=SimpleNamespace(supports=self.supports)
+            ),
             calibration=SimpleNamespace(created_at="2026-01-02T03:04:05+00:00", residual_mm=0.1),
         )
 
