@@ -17,6 +17,7 @@ from rich.text import Text
 
 from cornertouchd.cli.running_daemon import socket_of
 from cornertouchd.runtime.asking import RefusedError, read_document
+from cornertouchd.runtime.latency import Latency
 
 HEALTHY, DEGRADED, DOWN = 0, 1, 2
 """Exit status, as Nagios and its kin read it: OK, WARNING, CRITICAL."""
@@ -105,9 +106,19 @@ def _lines(told: dict[str, Any]) -> Iterator[Text | Table]:
         f"{told['frame_sets_per_s']:.0f}/s; {fusion['frame_sets']} so far, {fusion['partial']} "
         f"partial, {fusion['skipped']} skipped, {fusion['dropped']} dropped",
     )
-    facts.add_row("touches", f"{fusion['touches_now']} now; {fusion['touches_begun']} so far")
+    last = told["last"]
+    facts.add_row("latency", _latency(fusion["latency"]))
+    facts.add_row(
+        "touches",
+        f"{fusion['touches_now']} now; {fusion['touches_begun']} so far; {last['contacts']} "
+        f"contacts, {fusion['ghosts']} ghosts refused so far",
+    )
     facts.add_row(
         "calibrated", f"{_age(told['calibrated_at'])}, residual {told['residual_mm']:.2f} mm"
+    )
+    facts.add_row(
+        "machine",
+        f"{told['cpu_share']:.0%} of a processor, {told['process']['memory_bytes'] / 2**20:.0f} MB",
     )
     for to in told["destinations"]:
         sent = f"{to['packets_sent']} packets, {to['errors']} errors"
@@ -126,15 +137,32 @@ def _light(told: dict[str, Any]) -> str:
 
 def _cameras(told: list[dict[str, Any]]) -> Table:
     table = Table("camera", box=None, pad_edge=False)
-    for heading in ("pictures/s", "pictures", "faults", "reopened", "resets"):
+    counts = ("pictures", "lost", "damaged", "faults", "reopened", "resets")
+    for heading in ("pictures/s", *counts, "contrast", "clipped", "blind columns"):
         table.add_column(heading, justify="right")
     for camera in told:
         table.add_row(
             camera["id"] if camera["live"] else f"[red]{camera['id']} lost[/]",
             f"{camera['pictures_per_s']:.0f}",
-            *(str(camera[name]) for name in ("pictures", "faults", "reopened", "resets")),
+            *(str(camera[name]) for name in counts),
+            *_strip(camera["strip"]),
+            str(camera["masked_columns"]),
         )
     return table
+
+
+def _latency(told: dict[str, Any]) -> str:
+    latency = Latency(tuple(told["bounds_s"]), tuple(told["counts"]), told["sum_s"])
+    middle_s, most_s = latency.quantile_s(0.5), latency.quantile_s(0.99)
+    if middle_s is None or most_s is None:
+        return "nothing sent yet"
+    return f"half within {1000 * middle_s:g} ms, 99 of 100 within {1000 * most_s:g} ms"
+
+
+def _strip(told: dict[str, float] | None) -> tuple[str, str]:
+    if told is None:
+        return "-", "-"
+    return f"{told['contrast']:.2f}", f"{told['saturated_share']:.0%}"
 
 
 def _duration(seconds: float) -> str:

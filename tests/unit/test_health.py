@@ -161,6 +161,8 @@ def test_the_exit_status_tells_healthy_from_degraded(
     told = status(path)
     assert (told.exit_code, told.stdout.splitlines()[0]) == (0, "healthy")
     assert "127.0.0.1:3333; 10 packets, 0 errors" in told.stdout
+    assert "nothing sent yet" in told.stdout
+    assert "% of a processor" in told.stdout
     rig.live["C1"] = False
     rig.light = LightState(
         "/dev/ttyACM0", "armed", (), "ambient", (9, 8, 9, 8), False, 31.0, 1, 0, {}
