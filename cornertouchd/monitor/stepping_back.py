@@ -7,7 +7,7 @@ from pathlib import Path
 NICENESS = 10
 """Touches come first on a machine that has too much to do."""
 
-OOM_SCORE = "500"
+OOM_SCORE = "1000"
 """Where memory is short, the page goes and not the daemon."""
 
 
