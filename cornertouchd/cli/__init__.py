@@ -24,6 +24,7 @@ COMMANDS = {
     "listen": "Show the touches that a TUIO tracker sends, whichever it is.",
     "record": "Record the running daemon, or the cameras, into a directory.",
     "replay": "Replay a recording through the whole pipeline.",
+    "report": "Gather everything that helps to help in one zip.",
     "run": "Run the daemon: cameras in, TUIO out, until SIGINT or SIGTERM.",
     "status": "Tell how the running daemon does.",
 }

@@ -37,7 +37,7 @@ def check(config_file: Path | None, as_json: bool) -> None:
     Exit status 1 if something does not work. Cameras that the service uses are not opened: stop it
     to have them looked at.
     """
-    findings = list(_findings(config_file))
+    findings = list(find_all(config_file))
     if as_json:
         click.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
     else:
@@ -45,7 +45,8 @@ def check(config_file: Path | None, as_json: bool) -> None:
     sys.exit(any(finding.level == "error" for finding in findings))
 
 
-def _findings(config_file: Path | None) -> Iterator[Finding]:
+def find_all(config_file: Path | None) -> Iterator[Finding]:
+    """Yield everything that is to be said of an installation."""
     try:
         path = find_settings(config_file, os.environ)
         settings = read_settings(path) if path else Settings()

@@ -136,9 +136,9 @@ def _light(told: dict[str, Any]) -> str:
 
 
 def _cameras(told: list[dict[str, Any]]) -> Table:
-    table = Table("camera", box=None, pad_edge=False)
-    counts = ("pictures", "lost", "damaged", "faults", "reopened", "resets")
-    for heading in ("pictures/s", *counts, "contrast", "clipped", "blind columns"):
+    table = Table("camera", box=None, pad_edge=False, padding=(0, 1))
+    counts = ("lost", "damaged", "faults", "reopened", "resets")
+    for heading in ("pictures/s", *counts, "contrast", "clipped", "blind"):
         table.add_column(heading, justify="right")
     for camera in told:
         table.add_row(
