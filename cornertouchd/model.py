@@ -214,7 +214,10 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """A contact followed over time.  `id` is never used twice by the same tracker."""
+    """A contact followed over time.  `id` is never used twice by the same tracker.
+
+    `diameter_mm` is that of its section at the height of the cameras, 0 if unknown.
+    """
 
     id: int
     x_mm: float
@@ -222,6 +225,7 @@ class Touch:
     vx_mm_s: float
     vy_mm_s: float
     age_s: float
+    diameter_mm: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,8 @@ from cornertouchd.model import FloatArray
     BEHIND_Y,
 ) = range(42)
 TRACK_COLUMNS = 42
-TOLD_COLUMNS = 6
+# what is told reaches up to the radius
+TOLD_COLUMNS = 9
 
 (
     # the contact itself

@@ -238,8 +238,12 @@ def _values(contact: Contact) -> tuple[float, float, float, float, float, int, b
 
 def _touches(tracks: FloatArray, captured_at_s: float) -> tuple[Touch, ...]:
     touches = [
-        Touch(int(number), x_mm, y_mm, vx_mm_s, vy_mm_s, captured_at_s - reported_at_s)
-        for number, reported_at_s, x_mm, y_mm, vx_mm_s, vy_mm_s in tracks[:, :TOLD_COLUMNS].tolist()
+        Touch(
+            int(number), x_mm, y_mm, vx_mm_s, vy_mm_s, captured_at_s - reported_at_s, 2.0 * radius
+        )
+        for number, reported_at_s, x_mm, y_mm, vx_mm_s, vy_mm_s, _, _, radius in (
+            tracks[:, :TOLD_COLUMNS].tolist()
+        )
         if number
     ]
     return tuple(sorted(touches, key=attrgetter("id")))

@@ -46,7 +46,9 @@ def tracker() -> Tracker:
 
 def test_the_first_report_is_the_measurement(tracker: Tracker) -> None:
     (touch,) = update(tracker, 100.0, [at(31.7, 88.3)])
-    assert touch == Touch(id=1, x_mm=31.7, y_mm=88.3, vx_mm_s=0.0, vy_mm_s=0.0, age_s=0.0)
+    assert touch == Touch(
+        id=1, x_mm=31.7, y_mm=88.3, vx_mm_s=0.0, vy_mm_s=0.0, age_s=0.0, diameter_mm=12.0
+    )
 
 
 AS_MEASURED = TrackingSettings(smoothing=False, dead_band_mm=0.0)
@@ -197,7 +199,9 @@ def test_time_that_does_not_advance_or_leaps_lifts_and_begins_anew(
 ) -> None:
     update(tracker, 100.0, [at(60.0, 60.0)])
     (touch,) = update(tracker, then_s, [at(60.0, 60.0)])
-    assert touch == Touch(id=2, x_mm=60.0, y_mm=60.0, vx_mm_s=0.0, vy_mm_s=0.0, age_s=0.0)
+    assert touch == Touch(
+        id=2, x_mm=60.0, y_mm=60.0, vx_mm_s=0.0, vy_mm_s=0.0, age_s=0.0, diameter_mm=12.0
+    )
 
 
 @pytest.mark.parametrize(
