@@ -56,6 +56,12 @@ class DisplayMapping:
                 f"display rotation_deg is {self.rotation_deg}; choose one of 0, 90, 180, 270"
             )
 
+    @property
+    def picture_mm(self) -> tuple[float, float]:
+        """Width and height of the picture as who looks at it sees it."""
+        swapped, _, _ = _AXES[self.rotation_deg, self.mirror]
+        return (self.height_mm, self.width_mm) if swapped else (self.width_mm, self.height_mm)
+
     def contains(self, x_mm: float, y_mm: float) -> bool:
         """Whether a place of the surface is on the display, or at most 2 mm beside it."""
         return (

@@ -9,12 +9,13 @@ at every fseq shows neither gaps nor ghosts, whichever packets it lost.
 import hashlib
 import math
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 from cornertouchd.model import Touch, TouchFrame
 from cornertouchd.wire.mapping import DisplayMapping
+from cornertouchd.wire.tuio_split import split_frame
 
 # The largest UDP payload that crosses an Ethernet in one piece: 1500 less 40 (IPv6) and 8 (UDP).
 MAX_PAYLOAD_BYTES = 1452
@@ -108,6 +109,7 @@ class TuioSession:
         self._fseq = fseq_seed % _INT32_COUNT
         self._next_id = id_seed % _INT32_COUNT
         self._known: dict[int, Cursor] = {}  # what was told last, by the touch's own id
+        self._told_fseq = REDUNDANT_FSEQ
         self._captured_at_s = math.nan
         self._left_out = 0
 
@@ -115,6 +117,16 @@ class TuioSession:
     def has_contacts(self) -> bool:
         """Whether clients were last told of any contact."""
         return bool(self._known)
+
+    @property
+    def told(self) -> Mapping[int, Cursor]:
+        """What clients were told last, by the touch's own id."""
+        return self._known
+
+    @property
+    def told_fseq(self) -> int:
+        """Under which frame number they were told it."""
+        return self._told_fseq
 
     @property
     def left_out(self) -> int:
@@ -141,16 +153,24 @@ class TuioSession:
         new = [cursor for key, cursor in self._known.items() if key not in before]
         fseq = self._fseq
         self._fseq = (fseq + 1) % _INT32_COUNT
+        self._told_fseq = fseq
         return list(self._bundles(continuing, new, fseq))
 
     def full_state(self) -> list[bytes]:
         """Return bundles that repeat what was told last, marked as redundant."""
+        self._told_fseq = REDUNDANT_FSEQ
         return list(self._bundles(list(self._known.values()), [], REDUNDANT_FSEQ))
 
     def empty(self) -> bytes:
         """Forget all touches and return the bundle that says so, never dropped as late."""
         self._known = {}
-        return self._encoder.encode((), (), REDUNDANT_FSEQ)
+        self._told_fseq = REDUNDANT_FSEQ
+        return self.whole()
+
+    def whole(self) -> bytes:
+        """Return what was told last as one bundle, however large: for streams."""
+        cursors = tuple(self._known.values())
+        return self._encoder.encode([cursor.id for cursor in cursors], cursors, self._told_fseq)
 
     def _on_display(self, touches: tuple[Touch, ...]) -> dict[int, Touch]:
         """Return the touches to tell by their id; those known already come first if too many."""
@@ -194,29 +214,7 @@ class TuioSession:
     def _bundles(
         self, continuing: Sequence[Cursor], new: Sequence[Cursor], fseq: int
     ) -> Iterator[bytes]:
-        """Encode a frame in as many bundles as it takes, new contacts first.
-
-        Each names the contacts known before and those new ones that it or an earlier one sets:
-        some clients (Qt) show a contact at its first mention, at 0, 0 if it is not set.
-        """
-        alive = [cursor.id for cursor in continuing]
-        waiting = [*new, *continuing]
-        still_new = len(new)
-        while True:
-            count = self._how_many_fit(len(alive), still_new, len(waiting))
-            batch, waiting = waiting[:count], waiting[count:]
-            alive += [cursor.id for cursor in batch[:still_new]]
-            still_new = max(still_new - count, 0)
-            yield self._encoder.encode(alive, batch, fseq)
-            if not waiting:
-                return
-
-    def _how_many_fit(self, alive: int, new: int, waiting: int) -> int:
-        """Return how many waiting contacts, the `new` ones first, fit the next bundle."""
-        count = waiting
-        while self._encoder.size_bytes(alive + min(count, new), count) > MAX_PAYLOAD_BYTES:
-            count -= 1
-        return count
+        return split_frame(self._encoder, continuing, new, fseq, MAX_PAYLOAD_BYTES)
 
 
 def seed_at(unix_time_s: float) -> int:
