@@ -7,7 +7,7 @@ import socket
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 log = logging.getLogger(__name__)
 
@@ -23,13 +23,22 @@ Resolve = Callable[[str, int], list[Address]]
 
 @dataclass(frozen=True, slots=True)
 class DestinationStatus:
-    """How a destination fares; `fault` is None while nothing is wrong."""
+    """How a destination, or a server of ours, fares; `fault` is None while nothing is wrong.
+
+    For TCP and WebSocket `packets_sent` are bundles to all clients together, `clients` those that
+    are connected (None over UDP), `frames_skipped` what slow ones were not told because there was
+    something newer, `refused` those sent away.
+    """
 
     host: str
     port: int
     packets_sent: int
     errors: int
     fault: str | None
+    transport: Literal["udp", "tcp", "websocket"] = "udp"
+    clients: int | None = None
+    frames_skipped: int = 0
+    refused: int = 0
 
 
 def resolve_name(host: str, port: int) -> list[Address]:

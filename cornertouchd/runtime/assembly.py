@@ -15,7 +15,8 @@ from cornertouchd.calibration.display import DisplayPlace, load_display
 from cornertouchd.calibration.file import load_calibration
 from cornertouchd.config import CameraSettings, DestinationSettings, Settings
 from cornertouchd.devices.camera_plug import DevicePlug
-from cornertouchd.devices.udp import UdpTuioSink, local_address
+from cornertouchd.devices.tuio_sink import TuioReceiver, TuioSink, local_address
+from cornertouchd.devices.udp_destination import UdpDestination
 from cornertouchd.devices.v4l2_camera import V4l2CameraPort
 from cornertouchd.model import PictureFormat
 from cornertouchd.places import state_directory
@@ -154,7 +155,7 @@ def make_tuio_sink(
     surface_mm: tuple[float, float],
     config_file: str,
     display: DisplayPlace | None = None,
-) -> UdpTuioSink:
+) -> TuioSink:
     """Return the sink that tells all destinations of touches on a surface of this size.
 
     `config_file` tells two daemons on one machine apart; `display` is where the display was found
@@ -169,8 +170,11 @@ def make_tuio_sink(
         else default_source_name(socket.gethostname(), config_file, address)
     )
     seed = seed_at(time.time())
-    return UdpTuioSink(
-        [(to.host, to.port, display_mapping(surface_mm, to, display)) for to in destinations],
+    return TuioSink(
+        [
+            TuioReceiver(UdpDestination(to.host, to.port), display_mapping(surface_mm, to, display))
+            for to in destinations
+        ],
         source,
         seed,
         seed,

@@ -13,7 +13,8 @@ from typing import NoReturn
 
 import pytest
 
-from cornertouchd.devices.udp import UdpTuioSink
+from cornertouchd.devices.tuio_sink import TuioReceiver, TuioSink
+from cornertouchd.devices.udp_destination import UdpDestination
 from cornertouchd.model import Touch, TouchFrame
 from cornertouchd.wire.mapping import DisplayMapping
 
@@ -179,7 +180,8 @@ class Tracker:
         Tracker._starts += 1  # as time gives it: each start is far ahead of the one before
         seed = 1_000_000 * Tracker._starts
         mapping = DisplayMapping(0.0, 0.0, WIDTH_MM, HEIGHT_MM)
-        self.sink = UdpTuioSink([("127.0.0.1", port, mapping)], "test@127.0.0.1", seed, seed)
+        receiver = TuioReceiver(UdpDestination("127.0.0.1", port), mapping)
+        self.sink = TuioSink([receiver], "test@127.0.0.1", seed, seed)
         self.now_s = 0.0
 
     def send(self, places: dict[int, Place]) -> None:

@@ -9,8 +9,13 @@ from typing import Any
 import pytest
 from pythonosc.osc_bundle import OscBundle
 
-from cornertouchd.devices.udp import UdpTuioSink, local_address
-from cornertouchd.devices.udp_destination import Address
+from cornertouchd.devices.tuio_sink import TuioReceiver, TuioSink, local_address
+from cornertouchd.devices.udp_destination import (
+    Address,
+    Resolve,
+    UdpDestination,
+    resolve_name,
+)
 from cornertouchd.model import Touch, TouchFrame
 from cornertouchd.ports import TouchSink
 from cornertouchd.wire.mapping import DisplayMapping
@@ -21,7 +26,7 @@ LEFT_HALF = DisplayMapping(0.0, 0.0, 200.0, 200.0)
 TICK_S = 0.025
 
 Told = tuple[list[int], int]  # the ids alive, the frame number
-MakeSink = Callable[..., UdpTuioSink]
+MakeSink = Callable[..., TuioSink]
 
 
 class Client:
@@ -64,11 +69,19 @@ def second_client() -> Iterator[Client]:
 
 @pytest.fixture
 def make_sink() -> Iterator[MakeSink]:
-    sinks: list[UdpTuioSink] = []
+    sinks: list[TuioSink] = []
 
-    def make(*destinations: tuple[str, int, DisplayMapping], **options: Any) -> UdpTuioSink:
+    def make(
+        *destinations: tuple[str, int, DisplayMapping],
+        resolve: Resolve = resolve_name,
+        **options: Any,
+    ) -> TuioSink:
         options = {"sleep": lambda _: None, **options}
-        sinks.append(UdpTuioSink(destinations, "test@127.0.0.1", 1000, 500, **options))
+        receivers = [
+            TuioReceiver(UdpDestination(host, port, resolve), mapping)
+            for host, port, mapping in destinations
+        ]
+        sinks.append(TuioSink(receivers, "test@127.0.0.1", 1000, 500, **options))
         return sinks[-1]
 
     yield make
@@ -84,7 +97,7 @@ def frame(*ids: int, at_s: float = 0.0, x_mm: float = 100.0) -> TouchFrame:
     return TouchFrame(at_s, tuple(Touch(id_, x_mm, 50.0, 0.0, 0.0, 0.0) for id_ in ids))
 
 
-def greeted(sink: UdpTuioSink, *clients: Client) -> UdpTuioSink:
+def greeted(sink: TuioSink, *clients: Client) -> TuioSink:
     """A sink whose greeting at time 0 is over and read."""
     for tick in range(5):
         sink.tick(tick * TICK_S)
@@ -93,7 +106,7 @@ def greeted(sink: UdpTuioSink, *clients: Client) -> UdpTuioSink:
     return sink
 
 
-def run(sink: UdpTuioSink, from_s: float, until_s: float) -> None:
+def run(sink: TuioSink, from_s: float, until_s: float) -> None:
     for tick in range(round((until_s - from_s) / TICK_S)):
         sink.tick(from_s + tick * TICK_S)
 
@@ -351,13 +364,13 @@ def test_a_name_without_address_is_a_fault(make_sink: MakeSink) -> None:
     assert sink.destinations[0].fault == "the name has no address"
 
 
-def test_destinations_that_cannot_exist_are_refused() -> None:
+def test_destinations_that_cannot_exist_are_refused(make_sink: MakeSink) -> None:
     with pytest.raises(ValueError, match=r"port 70000; give one of 1\.\.65535"):
-        UdpTuioSink([("127.0.0.1", 70000, SURFACE)], "a@b", 0, 0)
+        make_sink(("127.0.0.1", 70000, SURFACE))
     with pytest.raises(ValueError, match="has no host"):
-        UdpTuioSink([("", 3333, SURFACE)], "a@b", 0, 0)
+        make_sink(("", 3333, SURFACE))
     with pytest.raises(ValueError, match=r"127\.0\.0\.1:3333 is given twice; remove one"):
-        UdpTuioSink([("127.0.0.1", 3333, SURFACE)] * 2, "a@b", 0, 0)
+        make_sink(*[("127.0.0.1", 3333, SURFACE)] * 2)
 
 
 def test_nobody_to_tell_is_fine(make_sink: MakeSink) -> None:
