@@ -21,10 +21,11 @@ from cornertouchd.runtime.health import HealthWatch
 from cornertouchd.runtime.log_tail import LogTail
 from cornertouchd.runtime.monitor_process import MonitorProcess, page_options
 from cornertouchd.runtime.notify import ServiceManager
-from cornertouchd.runtime.parts import Parts, make_parts
+from cornertouchd.runtime.parts import make_parts
 from cornertouchd.runtime.reloading import Reload, ReloadSignal
 from cornertouchd.runtime.service import ServiceReport
 from cornertouchd.runtime.stop_signal import StopSignal
+from cornertouchd.runtime.tuio_receivers import receivers_in_words
 
 HOLD_BACK_S = 10.0
 """What only a person can mend is not tried again every second, which would fill the journal."""
@@ -61,7 +62,11 @@ def run(config_file: Path | None) -> None:
             parts.plugs,
             parts.light,
         )
-        _log.info("running: %d cameras, TUIO to %s", len(parts.ports), _receivers(parts))
+        _log.info(
+            "running: %d cameras, TUIO to %s",
+            len(parts.ports),
+            receivers_in_words(parts.settings.tuio),
+        )
         report = ServiceReport(manager, daemon, clock)
         health = HealthWatch(daemon, clock)
         reload = Reload(daemon, parts, make)
@@ -78,11 +83,6 @@ def run(config_file: Path | None) -> None:
             _serve(daemon, stop, hangup, reload, report, health, page)
         counts = daemon.fusion_counts()
     _log.info("stopped: %d frame sets, %d touches", counts.frame_sets, counts.touches_begun)
-
-
-def _receivers(parts: Parts) -> str:
-    destinations = parts.settings.tuio.destinations
-    return ", ".join(f"{to.host}:{to.port}" for to in destinations) or "nobody"
 
 
 def _serve(

@@ -121,12 +121,21 @@ def _lines(told: dict[str, Any]) -> Iterator[Text | Table]:
         f"{told['cpu_share']:.0%} of a processor, {told['process']['memory_bytes'] / 2**20:.0f} MB",
     )
     for to in told["destinations"]:
-        sent = f"{to['packets_sent']} packets, {to['errors']} errors"
-        facts.add_row("TUIO", f"{to['host']}:{to['port']}; {sent}")
+        facts.add_row("TUIO", _destination(to))
     if told["light"] is not None:
         facts.add_row("LED frame", _light(told["light"]))
     yield facts
     yield _cameras(told["cameras"])
+
+
+def _destination(told: dict[str, Any]) -> str:
+    sent = f"{told['packets_sent']} packets, {told['errors']} errors"
+    if told.get("clients") is None:
+        return f"{told['host']}:{told['port']}; {sent}"
+    return (
+        f"{told['transport']} {told['host']}:{told['port']}; {told['clients']} connected, {sent}, "
+        f"{told['frames_skipped']} frames skipped, {told['refused']} refused"
+    )
 
 
 def _light(told: dict[str, Any]) -> str:

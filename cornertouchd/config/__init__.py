@@ -2,7 +2,13 @@
 
 from cornertouchd.config.led_frame import LedFrameSettings
 from cornertouchd.config.monitor import MonitorSettings
-from cornertouchd.config.output import DestinationSettings, TuioSettings
+from cornertouchd.config.output import (
+    DestinationSettings,
+    DisplaySettings,
+    TcpSettings,
+    TuioSettings,
+    WebSocketSettings,
+)
 from cornertouchd.config.reading import ConfigError, find_settings, read_settings
 from cornertouchd.config.rig import (
     CalibrationSettings,
@@ -36,6 +42,7 @@ __all__ = [
     "CrossingSettings",
     "DestinationSettings",
     "DirtSettings",
+    "DisplaySettings",
     "LedFrameSettings",
     "MonitorSettings",
     "MotionSettings",
@@ -46,10 +53,12 @@ __all__ = [
     "Settings",
     "SimulationSettings",
     "SurfaceSettings",
+    "TcpSettings",
     "TouchPointSettings",
     "TrackingSettings",
     "TuioSettings",
     "VisionSettings",
+    "WebSocketSettings",
     "find_settings",
     "read_settings",
     "render_default_toml",

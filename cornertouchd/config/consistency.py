@@ -11,7 +11,7 @@ from cornertouchd.config.led_frame import (
     LedFrameSettings,
 )
 from cornertouchd.config.monitor import MonitorSettings
-from cornertouchd.config.output import TuioSettings
+from cornertouchd.config.output import DisplaySettings, TuioSettings
 from cornertouchd.config.rig import CamerasSettings, SurfaceSettings
 from cornertouchd.config.stages import CrossingSettings, PairingSettings, VisionSettings
 from cornertouchd.config.table import Location, Table
@@ -67,15 +67,16 @@ def find_contradictions(
         *_in_order(("crossing",), crossing, "smallest_radius_mm", "largest_radius_mm"),
         *_in_order(("crossing",), crossing, "pen_diameter_mm", "palm_diameter_mm"),
         *_destinations_told_once(tuio),
+        *_ports_of_their_own(tuio),
         *_displays_on_surface(surface, tuio),
         *_page_guarded(monitor),
     )
 
 
 def _destinations_told_once(tuio: TuioSettings) -> Iterator[Contradiction]:
-    first: dict[tuple[str, int], int] = {}
+    first: dict[tuple[str, str, int], int] = {}
     for number, to in enumerate(tuio.destinations):
-        before = first.setdefault((to.host, to.port), number)
+        before = first.setdefault((to.transport, to.host, to.port), number)
         if before != number:
             yield Contradiction(
                 (
@@ -163,19 +164,25 @@ def _in_order(
         )
 
 
+def _ports_of_their_own(tuio: TuioSettings) -> Iterator[Contradiction]:
+    tcp, websocket = tuio.tcp, tuio.websocket
+    if tcp.enabled and websocket.enabled and tcp.port == websocket.port:
+        yield Contradiction(
+            (("tuio", "tcp", "port"), ("tuio", "websocket", "port")),
+            f"[tuio.tcp] port = {tcp.port} is that of [tuio.websocket], too; give each its own",
+        )
+
+
 def _displays_on_surface(surface: SurfaceSettings, tuio: TuioSettings) -> Iterator[Contradiction]:
     for index, destination in enumerate(tuio.destinations):
         here = ("tuio", "destinations", index)
-        for start, length, side in DISPLAY_SIDES:
-            start_mm, length_mm = getattr(destination, start), getattr(destination, length)
-            side_mm = getattr(surface, side)
-            if start_mm >= side_mm or start_mm + length_mm > side_mm + ROUNDING_MM:
-                yield Contradiction(
-                    ((*here, start), (*here, length), ("surface", side)),
-                    f"[[tuio.destinations]] number {index + 1}: {start} = {start_mm} and "
-                    f"{length} = {length_mm} reach beyond the surface: [surface] {side} = "
-                    f"{side_mm}; make the display lie on the surface",
-                )
+        yield from _display_on_surface(
+            surface, here, f"[[tuio.destinations]] number {index + 1}", destination
+        )
+    yield from _display_on_surface(
+        surface, ("tuio", "websocket"), "[tuio.websocket]", tuio.websocket
+    )
+    yield from _display_on_surface(surface, ("tuio", "tcp"), "[tuio.tcp]", tuio.tcp)
 
 
 def _page_guarded(monitor: MonitorSettings) -> Iterator[Contradiction]:
@@ -185,3 +192,17 @@ def _page_guarded(monitor: MonitorSettings) -> Iterator[Contradiction]:
             f"[monitor] host = {json.dumps(monitor.host)} can be reached from other machines and "
             'needs a token; set one (`openssl rand -hex 16`), or host = "127.0.0.1"',
         )
+
+
+def _display_on_surface(
+    surface: SurfaceSettings, here: Location, shown: str, display: DisplaySettings
+) -> Iterator[Contradiction]:
+    for start, length, side in DISPLAY_SIDES:
+        start_mm, length_mm = getattr(display, start), getattr(display, length)
+        side_mm = getattr(surface, side)
+        if start_mm >= side_mm or start_mm + length_mm > side_mm + ROUNDING_MM:
+            yield Contradiction(
+                ((*here, start), (*here, length), ("surface", side)),
+                f"{shown}: {start} = {start_mm} and {length} = {length_mm} reach beyond the "
+                f"surface: [surface] {side} = {side_mm}; make the display lie on the surface",
+            )

@@ -39,7 +39,8 @@ def tables_of(table: Table, location: Location = ()) -> Iterator[tuple[Location,
                     yield from tables_of(child, (*here, name))
         elif isinstance(value, tuple):
             for index, child in enumerate(value):
-                yield from tables_of(child, (*here, index))
+                if isinstance(child, Table):
+                    yield from tables_of(child, (*here, index))
 
 
 def child_table(model: type[Table], field: str) -> type[Table] | None:
@@ -80,7 +81,7 @@ def setting_name(location: Location) -> str:
     if isinstance(key, int):
         *above, field = table
         if child_table(table_at(tuple(above)), str(field)) is None:
-            return f"{header(tuple(above))} {field} number {key + 1}"
+            return f"{setting_name(tuple(table))} number {key + 1}"
         return f"{header(location)} number {key + 1}"
     number = f"number {table[-1] + 1}" if table and isinstance(table[-1], int) else ""
     return " ".join(part for part in (header(tuple(table)), number, shown_key(key)) if part)
@@ -95,7 +96,9 @@ def allowed(location: Location) -> str:
         return CONTROL_VALUES
     if location[:-1] == ("monitor", "names"):
         return "a host name in quotes"
-    if location[:2] == ("tuio", "destinations"):
+    if isinstance(location[-1], int) and location[-2] in {"profiles", "origins"}:
+        return allowed(location[:-1])
+    if location == ("tuio", "destinations") or location[:-1] == ("tuio", "destinations"):
         return f"at most {MOST_DESTINATIONS} tables, each written as {header((*location[:2], 0))}"
     return f"a table, written as {header(location)}"
 

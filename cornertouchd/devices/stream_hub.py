@@ -84,8 +84,8 @@ class StreamHub:
         self._waiting: collections.deque[tuple[StreamLink, Frame]] = collections.deque()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="tuio streams", daemon=True)
-        self._selector = selectors.DefaultSelector()
-        self._bell = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._selector: selectors.BaseSelector
+        self._bell = -1
         self._faults = 0
 
     @property
@@ -99,7 +99,13 @@ class StreamHub:
         return self._thread.ident is not None
 
     def start(self, links: Sequence[StreamLink]) -> None:
-        """Begin to serve these links.  Raises `RuntimeError` if there are no more threads."""
+        """Begin to serve these links.
+
+        Raises `OSError` or `RuntimeError` if there are no more files or threads.
+        """
+        if self._bell < 0:
+            self._selector = selectors.DefaultSelector()
+            self._bell = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._links = links
         self._waiting = collections.deque(maxlen=MOST_FRAMES_WAITING * len(links))
         self._thread.start()
@@ -119,7 +125,7 @@ class StreamHub:
         if self.was_started:
             self.ring()
             self._thread.join(FAREWELL_S + 0.05)
-        if not self._thread.is_alive():
+        if self._bell >= 0 and not self._thread.is_alive():
             self._selector.close()
             os.close(self._bell)
 

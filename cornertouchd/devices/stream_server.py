@@ -5,15 +5,11 @@ import functools
 import logging
 import selectors
 import socket
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
 
 from cornertouchd.devices.stream_hub import Frame, Switchboard
 from cornertouchd.devices.stream_peer import StreamPeer, StreamPeers, Tally, never_waiting
 from cornertouchd.devices.udp_destination import DestinationStatus
-from cornertouchd.wire.tuio_stream import Conversation, SilentConversation, length_prefixed
-from cornertouchd.wire.websocket import WebSocketConversation, binary_message, origin_patterns
+from cornertouchd.wire.tuio_stream import Dialect
 
 log = logging.getLogger(__name__)
 
@@ -30,24 +26,6 @@ ACCEPTED_AT_ONCE = 16
 MOST_REASONS = 20
 # The kernel has no more files or memory: the next try comes with the next look.
 EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
-
-
-@dataclass(frozen=True, slots=True)
-class Dialect:
-    """How bundles go over a stream, and what else is said."""
-
-    name: Literal["tcp", "websocket"]
-    wrap: Callable[[bytes], bytes]
-    converse: Callable[[], Conversation]
-
-
-TCP = Dialect("tcp", length_prefixed, SilentConversation)
-
-
-def websocket(origins: tuple[str, ...]) -> Dialect:
-    """Return the dialect of browsers; pages must come from one of these origins."""
-    patterns = origin_patterns(origins)
-    return Dialect("websocket", binary_message, lambda: WebSocketConversation(patterns))
 
 
 class StreamServer:

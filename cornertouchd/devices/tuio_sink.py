@@ -151,13 +151,13 @@ class _Streams:
             return
         try:
             self._hub.start(self._links)
-        except RuntimeError as error:  # the process may have no more threads
+        except (OSError, RuntimeError) as error:  # the process may have no more files or threads
             if not self._refused:
                 log.warning("TUIO over streams: %s; tried again until it works", error)
             self._refused = True
 
     def put(self, link: StreamLink, bundles: Sequence[bytes]) -> None:
-        if self._hub is not None:
+        if self._hub is not None and self._hub.was_started:
             self._hub.put(link, bundles)
             self._has_news = True
 

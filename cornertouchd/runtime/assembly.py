@@ -13,14 +13,15 @@ from pathlib import Path
 from cornertouchd.calibration.calibration import Calibration, CalibrationError
 from cornertouchd.calibration.display import DisplayPlace, load_display
 from cornertouchd.calibration.file import load_calibration
-from cornertouchd.config import CameraSettings, DestinationSettings, Settings
+from cornertouchd.config import CameraSettings, DisplaySettings, Settings
 from cornertouchd.devices.camera_plug import DevicePlug
-from cornertouchd.devices.tuio_sink import TuioReceiver, TuioSink, local_address
-from cornertouchd.devices.udp_destination import UdpDestination
+from cornertouchd.devices.stream_hub import StreamHub
+from cornertouchd.devices.tuio_sink import TuioSink, local_address
 from cornertouchd.devices.v4l2_camera import V4l2CameraPort
 from cornertouchd.model import PictureFormat
 from cornertouchd.places import state_directory
 from cornertouchd.ports import CameraPlug, CameraPort, Clock
+from cornertouchd.runtime.tuio_receivers import make_receivers
 from cornertouchd.wire.mapping import DisplayMapping
 from cornertouchd.wire.tuio import default_source_name, seed_at
 
@@ -156,42 +157,36 @@ def make_tuio_sink(
     config_file: str,
     display: DisplayPlace | None = None,
 ) -> TuioSink:
-    """Return the sink that tells all destinations of touches on a surface of this size.
+    """Return the sink that tells all receivers of touches on a surface of this size.
 
     `config_file` tells two daemons on one machine apart; `display` is where the display was found
     to lie.
     """
-    destinations = settings.tuio.destinations
-    address = local_address(destinations[0].host) if destinations else "127.0.0.1"
-    name = settings.tuio.source_name
+    tuio = settings.tuio
+    address = local_address(tuio.destinations[0].host) if tuio.destinations else "127.0.0.1"
+    name = tuio.source_name
     source = (
         f"{name}@{address}"
         if name
         else default_source_name(socket.gethostname(), config_file, address)
     )
     seed = seed_at(time.time())
-    return TuioSink(
-        [
-            TuioReceiver(UdpDestination(to.host, to.port), display_mapping(surface_mm, to, display))
-            for to in destinations
-        ],
-        source,
-        seed,
-        seed,
-    )
+    hub = StreamHub()
+    receivers = make_receivers(tuio, hub, lambda to: display_mapping(surface_mm, to, display))
+    return TuioSink(receivers, source, seed, seed, hub=hub)
 
 
 def display_mapping(
     surface_mm: tuple[float, float],
-    destination: DestinationSettings,
+    destination: DisplaySettings,
     display: DisplayPlace | None,
 ) -> DisplayMapping:
-    """Return where a destination's display lies on a surface of this width and height.
+    """Return where a receiver's display lies on a surface of this width and height.
 
     As its settings say; if they say nothing, where `display` was found to lie.
     """
     here = destination.model_dump(include=DISPLAY_KEYS)
-    if display is not None and here == DestinationSettings().model_dump(include=DISPLAY_KEYS):
+    if display is not None and here == DisplaySettings().model_dump(include=DISPLAY_KEYS):
         return DisplayMapping(
             display.left_mm,
             display.top_mm,

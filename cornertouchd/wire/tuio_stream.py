@@ -5,7 +5,9 @@ message without it (the reference client of TUIO 1.1 and TUIO/WEB).
 """
 
 import struct
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Protocol
 
 # The reference client reads TCP into a buffer of this size, and a datagram holds no more.
 MAX_BUNDLE_BYTES = 65_536
@@ -63,6 +65,18 @@ class SilentConversation:
 def length_prefixed(bundle: bytes) -> bytes:
     """Return a bundle as it goes over TCP."""
     return _LENGTH.pack(len(bundle)) + bundle
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """How bundles go over a stream, and what else is said."""
+
+    name: Literal["tcp", "websocket"]
+    wrap: Callable[[bytes], bytes]
+    converse: Callable[[], Conversation]
+
+
+TCP = Dialect("tcp", length_prefixed, SilentConversation)
 
 
 class PrefixedBundles:

@@ -12,6 +12,8 @@ from websockets.protocol import State
 from websockets.server import ServerProtocol
 from websockets.typing import Origin
 
+from cornertouchd.wire.tuio_stream import Dialect
+
 # Clients of TUIO say nothing; a greeting of theirs fits.
 MAX_MESSAGE_BYTES = 1024
 GOING_AWAY = 1001
@@ -30,10 +32,19 @@ def binary_message(payload: bytes) -> bytes:
     return Frame(Opcode.BINARY, payload).serialize(mask=False, extensions=[])
 
 
-def origin_patterns(origins: Sequence[str]) -> list[Origin | re.Pattern[str] | None] | None:
+def websocket_dialect(origins: Sequence[str]) -> Dialect:
+    """Return the dialect of browsers; a page must come from one of these origins.
+
+    Each is scheme://host[:port], where port may be "*", or "null", or "*" for all.
+    """
+    patterns = _origin_patterns(origins)
+    return Dialect("websocket", binary_message, lambda: WebSocketConversation(patterns))
+
+
+def _origin_patterns(origins: Sequence[str]) -> list[Origin | re.Pattern[str] | None] | None:
     """Return what `ServerProtocol` compares the Origin of a page with; None lets all in.
 
-    Each is scheme://host[:port], its port perhaps "*"; programs that name no origin are no pages.
+    Programs that name no origin are no pages.
     """
     if ANY_ORIGIN in origins:
         return None

@@ -12,6 +12,8 @@ from cornertouchd.config import (
     DestinationSettings,
     Settings,
     SurfaceSettings,
+    TcpSettings,
+    WebSocketSettings,
     find_settings,
     read_settings,
     render_default_toml,
@@ -51,7 +53,7 @@ class TestTheShippedFile:
         sections = re.split(r"(?m)^(?=\[)", render_default_toml())[1:]
         written = [re.findall(r"(?m)^#(\w+) = ", section) for section in sections]
         tables = [table for location, table in tables_of(Settings()) if location]
-        inner = {"paper", "destinations", *CAMERA_IDS}
+        inner = {"paper", "destinations", "websocket", "tcp", *CAMERA_IDS}
         expected = [[key for key in keys_of(type(table)) if key not in inner] for table in tables]
         assert written == expected
 
@@ -63,7 +65,8 @@ class TestTheShippedFile:
     def test_describes_every_setting(self):
         for location, table in tables_of(Settings()):
             for key, field in type(table).model_fields.items():
-                assert field.description or not location or key == "paper", (location, key)
+                is_table = key in {"paper", "websocket", "tcp"}
+                assert field.description or not location or is_table, (location, key)
 
 
 class TestReading:
@@ -127,6 +130,21 @@ class TestReading:
             DestinationSettings(host="wall"),
             DestinationSettings(port=3334, rotation_deg=270, mirror=True),
         )
+
+    def test_servers_each_with_a_display_and_profiles_of_their_own(self, read):
+        tuio = read(
+            "[tuio.websocket]\nenabled = true\norigins = ['null', 'https://kiosk.example']\n"
+            "[tuio.tcp]\nenabled = true\nport = 3334\nrotation_deg = 90\n"
+            "profiles = ['2Dcur', '2Dblb']\n"
+            "[[tuio.destinations]]\ntransport = 'tcp'\nprofiles = ['2Dblb']\n"
+        ).tuio
+        assert tuio.websocket == WebSocketSettings(
+            enabled=True, origins=("null", "https://kiosk.example")
+        )
+        assert tuio.tcp == TcpSettings(
+            enabled=True, port=3334, rotation_deg=90, profiles=("2Dcur", "2Dblb")
+        )
+        assert tuio.destinations == (DestinationSettings(transport="tcp", profiles=("2Dblb",)),)
 
     def test_a_byte_order_mark_and_windows_lines_do_no_harm(self, read):
         assert read(b"\xef\xbb\xbf[surface]\r\nwidth_mm = 500.0\r\n").surface.width_mm == 500.0

@@ -224,6 +224,34 @@ class TestContradictions:
         (line,) = errors_of("[[tuio.destinations]]\n[[tuio.destinations]]\nmirror = true\n")
         assert "number 2: 127.0.0.1:3333 is number 1, too" in line
 
+    def test_the_same_place_over_two_transports_is_told_by_both(self, read):
+        read("[[tuio.destinations]]\n[[tuio.destinations]]\ntransport = 'tcp'\n")
+
+    def test_servers_need_ports_of_their_own(self, errors_of, read):
+        both = "[tuio.tcp]\nenabled = true\nport = 8080\n[tuio.websocket]\n"
+        read(both)
+        (line,) = errors_of(f"{both}enabled = true\n")
+        assert line == (
+            "[tuio.tcp] port = 8080 is that of [tuio.websocket], too; give each its own"
+        )
+
+    def test_the_display_of_a_server_lies_on_the_surface(self, errors_of):
+        (line,) = errors_of("[tuio.tcp]\ndisplay_left_mm = 350.0\n")
+        assert line.startswith("[tuio.tcp]: display_left_mm = 350.0 and")
+
+    @pytest.mark.parametrize("origin", ["kiosk", "http://kiosk/page", "http:// kiosk", ""])
+    def test_what_is_no_origin_is_refused(self, errors_of, origin):
+        (line,) = errors_of(f"[tuio.websocket]\norigins = ['*', '{origin}']\n")
+        assert line.startswith(f'[tuio.websocket] origins number 2 = "{origin}": must be origins')
+
+    @pytest.mark.parametrize(
+        "profiles", ["['2Dobj']", "['2Dcur', '2Dcur']", "[]", "'2Dcur'"], ids=str
+    )
+    def test_profiles_that_there_are_not_are_refused(self, errors_of, profiles):
+        (line,) = errors_of(f"[tuio.tcp]\nprofiles = {profiles}\n")
+        assert line.startswith("[tuio.tcp] profiles")
+        assert line.endswith('must be ["2Dcur"], ["2Dblb"] or ["2Dcur", "2Dblb"]')
+
     def test_decimal_fractions_that_fill_the_surface_fit(self, read):
         assert 256.1 + 100.1 > 356.2  # the sum that must not matter
         read(

@@ -9,14 +9,28 @@ from cornertouchd.devices.udp_destination import resolve_name
 from cornertouchd.guiding.finding import Finding, doubtful, well, wrong
 from cornertouchd.runtime.checks.installation import Installation
 
+CONNECT_S = 2.0
+
 
 def targets_of(installation: Installation) -> Iterator[Finding]:
     """Yield what is to be said of each receiver."""
-    destinations = installation.settings.tuio.destinations
-    if not destinations:
+    tuio = installation.settings.tuio
+    if not (tuio.destinations or tuio.websocket.enabled or tuio.tcp.enabled):
         yield doubtful("TUIO", "touches are sent to nobody", "add [[tuio.destinations]]")
-    for to in destinations:
-        yield _target(to.host, to.port, installation.proc)
+    for to in tuio.destinations:
+        if to.transport == "tcp":
+            yield _tcp_target(to.host, to.port)
+        else:
+            yield _target(to.host, to.port, installation.proc)
+
+
+def _tcp_target(host: str, port: int) -> Finding:
+    try:
+        socket.create_connection((host, port), CONNECT_S).close()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        return wrong("TUIO", f"{host}:{port} (TCP): {reason}", "start the client, check host, port")
+    return well("TUIO", f"{host}:{port} (TCP): a client listens")
 
 
 def _target(host: str, port: int, proc: Path) -> Finding:
