@@ -1,78 +1,138 @@
 """`cornertouchd listen`: a TUIO client in the terminal, to see what any tracker says."""
 
 import contextlib
-import errno
 import io
 import logging
 import math
-import socket
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import click
 from rich.console import Console
 from rich.live import Live
 
+from cornertouchd.cli.listen_check import check_stream
 from cornertouchd.cli.monitor_view import THEME, MonitorView
+from cornertouchd.cli.packets import RecordingInput, Stream, StreamAddress
 from cornertouchd.cli.targets import FiniteRange
+from cornertouchd.devices.tuio_listening import StreamEndedError, TuioInput
+from cornertouchd.errors import ReportedError
 from cornertouchd.wire.tuio_reader import TouchEvent, TuioReader
+from cornertouchd.wire.tuio_rules import Transport
 
 # Smooth to the eye; a screen of 140 x 40 takes 11 ms to draw, so a fifth of one core.
 REDRAW_EVERY_S = 0.06
-MAX_DATAGRAM_BYTES = 65536
-# A thousand large bundles, should drawing take long; the kernel grants at most net.core.rmem_max.
-RECEIVE_BUFFER_BYTES = 2 * 1024 * 1024
 # How large the picture is when there is no terminal to take its size from.
 PICTURE_COLUMNS, PICTURE_ROWS = 116, 30
 
 
 @click.command()
+@click.argument("stream", required=False, type=StreamAddress())
 @click.option(
-    "--port", default=3333, show_default=True, type=click.IntRange(1, 65535), help="UDP port."
+    "--transport",
+    type=click.Choice(["udp", "tcp", "websocket"]),
+    help="udp listens at the port; tcp and websocket connect to a server there.  [default: udp]",
 )
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", type=click.IntRange(1, 65535), help="[default: 3333; websocket: 8080]")
+@click.option("--host", help="Address to listen on, or of the server.  [default: 127.0.0.1]")
 @click.option("--seconds", type=FiniteRange(min=0.0), help="End after so long.")
 @click.option("--plain", is_flag=True, help="One line per event, for pipes.")
+@click.option("--check", is_flag=True, help="Tell what breaks the rules of TUIO 1.1; status 1.")
+@click.option(
+    "--record",
+    type=click.Path(dir_okay=False, writable=True, path_type=Path),
+    help="Keep the stream in a file.",
+)
 @click.option(
     "--svg",
     type=click.Path(dir_okay=False, writable=True, path_type=Path),
     help="Save the last screen as a picture.",
 )
-def listen(port: int, host: str, seconds: float | None, plain: bool, svg: Path | None) -> None:
+def listen(
+    stream: Stream | None,
+    transport: Transport | None,
+    port: int | None,
+    host: str | None,
+    seconds: float | None,
+    plain: bool,
+    check: bool,
+    record: Path | None,
+    svg: Path | None,
+) -> None:
     """Show the touches that a TUIO tracker sends, whichever it is.
 
+    STREAM is udp://HOST:PORT, tcp://HOST:PORT, ws://HOST:PORT, or a file that --record has made;
+    --transport, --host and --port say the same.
+
     Where the output is not a terminal, or with --plain, prints one line per event: what happened
-    (add, update, remove), the id, x and y, the tracker.
+    (add, update, remove), the id, x and y, the tracker.  With --check, one line for each violation:
+    the packet (from 1), its byte (from 0), the rule and what is wrong; the exit status is 1 if
+    there were any, or if nothing came.
     """
+    if stream is None:
+        stream = Stream.of(transport or "udp", host, port)
+    elif transport or host or port:
+        raise click.UsageError("STREAM says all that --transport, --host and --port say")
+    if check and (plain or svg):
+        raise click.UsageError("--check prints violations; leave out --plain and --svg")
+    try:
+        paced = not (plain or check) and Console().is_terminal
+        with stream.opened(paced=paced) as packets, _recorded(packets, record, stream) as taken:
+            if check:
+                click.echo(f"checking {stream}", err=True)
+                check_stream(taken, stream.transport, seconds)
+            else:
+                _show(taken, stream, seconds, plain, svg)
+    except ReportedError as error:
+        raise click.ClickException(str(error)) from error
+
+
+def _recorded(
+    packets: TuioInput, record: Path | None, stream: Stream
+) -> AbstractContextManager[TuioInput]:
+    """Return the packets, kept in a file if one is given."""
+    if record is None:
+        return contextlib.nullcontext(packets)
+    return RecordingInput(packets, record, stream.transport)
+
+
+def _show(
+    packets: TuioInput, stream: Stream, seconds: float | None, plain: bool, svg: Path | None
+) -> None:
     reader = TuioReader()
-    view = MonitorView(reader, f"{host}:{port}")
+    view = MonitorView(reader, stream.shown)
     console = Console()
-    with _bound_socket(host, port) as receiver, _quiet_parser():
-        with contextlib.suppress(KeyboardInterrupt):
+    with _quiet_parser():
+        try:
             if plain or not console.is_terminal:
-                click.echo(f"listening on {host}:{port}", err=True)
-                _watch(receiver, reader, view, None, seconds)
+                click.echo(f"listening on {stream}", err=True)
+                _watch(packets, reader, view, None, seconds)
             else:
                 with Live(console=console, screen=True, auto_refresh=False) as live:
-                    _watch(receiver, reader, view, live, seconds)
+                    _watch(packets, reader, view, live, seconds)
+        except KeyboardInterrupt:
+            pass
+        except StreamEndedError as ended:
+            click.echo(f"{ended}", err=True)
         if svg is not None:
             _save_picture(view, console, svg)
 
 
 def _watch(
-    receiver: socket.socket,
+    packets: TuioInput,
     reader: TuioReader,
     view: MonitorView,
     live: Live | None,
     seconds: float | None,
 ) -> None:
-    """Take datagrams in until the time is over; draw on `live`, or print lines if there is none."""
+    """Take packets in until the time is over; draw on `live`, or print lines if there is none."""
     now_s = time.monotonic()
     end_s = math.inf if seconds is None else now_s + seconds
     draw_at_s = now_s
     while now_s < end_s:
-        events = _receive(receiver, reader, min(draw_at_s, end_s) - now_s)
+        events = _receive(packets, reader, min(draw_at_s, end_s) - now_s)
         now_s = time.monotonic()
         events += reader.forget_silent(now_s)
         view.note(events, now_s)
@@ -84,14 +144,10 @@ def _watch(
                 live.update(view.render(now_s, *live.console.size), refresh=True)
 
 
-def _receive(receiver: socket.socket, reader: TuioReader, wait_s: float) -> list[TouchEvent]:
-    """Return what the next datagram changed; nothing if none comes in time."""
-    receiver.settimeout(max(wait_s, 0.001))  # 0 would mean not to wait at all, and raise
-    try:
-        datagram, address = receiver.recvfrom(MAX_DATAGRAM_BYTES)
-    except TimeoutError:
-        return []
-    return reader.feed(datagram, f"{address[0]}:{address[1]}", time.monotonic())
+def _receive(packets: TuioInput, reader: TuioReader, wait_s: float) -> list[TouchEvent]:
+    """Return what the next packet changed; nothing if none comes in time."""
+    came = packets.receive(wait_s)
+    return [] if came is None else reader.feed(*came, time.monotonic())
 
 
 def _print_lines(events: Iterable[TouchEvent]) -> None:
@@ -112,29 +168,6 @@ def _save_picture(view: MonitorView, console: Console, path: Path) -> None:
         recorder.save_svg(str(path), title="cornertouchd listen", theme=THEME)
     except OSError as error:
         raise click.ClickException(f"picture {path}: {error.strerror}") from error
-
-
-def _bound_socket(host: str, port: int) -> socket.socket:
-    """Return a socket that receives what is sent to host:port."""
-    try:
-        family, kind, _, _, address = socket.getaddrinfo(
-            host, port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE
-        )[0]
-        receiver = socket.socket(family, kind)
-    except (OSError, ValueError) as error:
-        raise click.ClickException(f"cannot listen on {host}: {error}") from error
-    receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-    try:
-        receiver.bind(address)
-    except OSError as error:
-        receiver.close()
-        if error.errno == errno.EADDRINUSE:
-            raise click.ClickException(
-                f"UDP port {port} of {host} is in use: end the other TUIO client, "
-                "or choose another port with --port"
-            ) from error
-        raise click.ClickException(f"cannot listen on {host}:{port}: {error.strerror}") from error
-    return receiver
 
 
 @contextlib.contextmanager

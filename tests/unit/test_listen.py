@@ -16,8 +16,9 @@ from click.testing import CliRunner
 from rich.console import Console
 from rich.live import Live
 
-from cornertouchd.cli.listen import _bound_socket, _watch, listen
+from cornertouchd.cli.listen import _watch, listen
 from cornertouchd.cli.monitor_view import MonitorView
+from cornertouchd.devices.tuio_listening import datagrams
 from cornertouchd.wire.tuio import BundleEncoder, Cursor
 from cornertouchd.wire.tuio_reader import TuioReader
 
@@ -141,7 +142,7 @@ def test_what_has_just_arrived_is_drawn_at_once(port: int, tracker: socket.socke
     console = Console(file=out, width=120, height=30, force_terminal=True)
     reader = TuioReader()
     view = MonitorView(reader, "127.0.0.1:3333")
-    with _bound_socket("127.0.0.1", port) as receiver:
+    with datagrams("127.0.0.1", port) as receiver:
         tracker.send(bundle(1, Cursor(4711, 0.25, 0.5, 0.0, 0.0, 0.0)))
         with Live(console=console, screen=True, auto_refresh=False) as live:
             _watch(receiver, reader, view, live, 0.001)
