@@ -84,6 +84,7 @@ class _Bundle:
     alive: OscMessage | None = None
     sets: list[OscMessage] = field(default_factory=list)
     fseq: OscMessage | None = None
+    is_foreign: bool = False
 
     @property
     def alive_ids(self) -> tuple[int, ...]:
@@ -130,6 +131,8 @@ class TuioCheck:
         except OscError as error:
             yield "osc", error.offset, str(error)
             return
+        if bundle.is_foreign and not bundle.profile:
+            return  # that has been said; it is no bundle of TUIO that lacks messages
         if bundle.alive is None:
             yield "order", len(packet), "no alive message"
         if bundle.fseq is None:
@@ -204,7 +207,9 @@ def _take(bundle: _Bundle, message: OscMessage) -> Iterator[tuple[Rule, int, str
     """Put a message where it belongs in the bundle."""
     prefix, _, profile = message.address.rpartition("/")
     if prefix != "/tuio" or not (profile in PROFILES or profile.startswith("_")):
-        yield "profile", message.offset, f"{message.address} is no profile of TUIO 1.1"
+        if not bundle.is_foreign:
+            yield "profile", message.offset, f"{message.address} is no profile of TUIO 1.1"
+        bundle.is_foreign = True
         return
     if bundle.profile and profile != bundle.profile:
         yield (
@@ -221,19 +226,9 @@ def _take(bundle: _Bundle, message: OscMessage) -> Iterator[tuple[Rule, int, str
         case "alive":
             yield from _take_alive(bundle, message)
         case "set":
-            if bundle.alive is None:
-                yield "order", message.offset, "set before alive"
-            if bundle.fseq is not None:
-                yield "order", message.offset, "set after fseq"
-            bundle.sets.append(message)
-            if not profile.startswith("_"):
-                yield from _values_of(message, PROFILES[profile])
+            yield from _take_set(bundle, message)
         case "fseq":
-            if bundle.fseq is not None:
-                yield "order", message.offset, "fseq twice"
-            if message.tags != "si":
-                yield "fseq", message.offset, f"fseq has types {message.tags}, must be si"
-            bundle.fseq = message
+            yield from _take_fseq(bundle, message)
         case _:
             yield "order", message.offset, f"{command!r}, must be source, alive, set or fseq"
 
@@ -265,6 +260,24 @@ def _take_alive(bundle: _Bundle, message: OscMessage) -> Iterator[tuple[Rule, in
         if id_ in seen:
             yield "alive", offset, f"id {id_} twice"
         seen.add(id_)
+
+
+def _take_set(bundle: _Bundle, message: OscMessage) -> Iterator[tuple[Rule, int, str]]:
+    if bundle.alive is None:
+        yield "order", message.offset, "set before alive"
+    if bundle.fseq is not None:
+        yield "order", message.offset, "set after fseq"
+    bundle.sets.append(message)
+    if bundle.profile in PROFILES:
+        yield from _values_of(message, PROFILES[bundle.profile])
+
+
+def _take_fseq(bundle: _Bundle, message: OscMessage) -> Iterator[tuple[Rule, int, str]]:
+    if bundle.fseq is not None:
+        yield "order", message.offset, "fseq twice"
+    if message.tags != "si":
+        yield "fseq", message.offset, f"fseq has types {message.tags}, must be si"
+    bundle.fseq = message
 
 
 def _values_of(message: OscMessage, letters: str) -> Iterator[tuple[Rule, int, str]]:

@@ -101,7 +101,8 @@ class WebSocketConversation:
     def _answer(self, request: Request) -> None:
         response = self._protocol.accept(request)
         if isinstance(self._protocol.handshake_exc, InvalidOrigin):
-            self._refusal = f"a page from {_first(request.headers, 'Origin')!r}"
+            origin = _first(request.headers, "Origin")
+            self._refusal = f"a page from {origin!r}, which is not in tuio.websocket.origins"
         elif self._protocol.handshake_exc is not None:
             self._refusal = "no WebSocket handshake"
         self._protocol.send_response(response)
