@@ -46,6 +46,9 @@ F = TypeVar("F", bound=Callable[..., object])
 
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 INLINED_OPTIONS = {**OPTIONS, "no_cpython_wrapper": True, "pipeline_class": PartCompiler}
+# numba's own name for counting references: they are kept by its runtime.
+BORROWING_OPTIONS = {**INLINED_OPTIONS, "_nrt": False}
+SUMMING_OPTIONS = {**BORROWING_OPTIONS, "fastmath": {"reassoc"}}
 
 _log = logging.getLogger("cornertouchd")
 
@@ -63,12 +66,36 @@ def compiled(signature: str) -> Callable[[F], F]:
 
 
 def inlined(function: F) -> F:
-    """Make a function callable from compiled ones, and from them alone.
+    """Make a function callable from compiled ones, and from them alone, as a part of them."""
+    return _part(function, INLINED_OPTIONS)
 
-    It is compiled as a part of them.  numba would also compile it anew for every constant that it
-    is called with, which gains nothing here and costs a third of the time.
+
+def borrowing(function: F) -> F:
+    """Make a function callable from compiled ones, as `inlined` does, without counting references.
+
+    numba counts the references to each array that a function is given, twice for each call, with
+    instructions that lock memory: for the small functions that run thousands of times that takes
+    as long as what they do.  But then a function must neither make arrays nor return any, nor call
+    what does: nobody would release them.
     """
-    made = numba.njit(**INLINED_OPTIONS)(function)
+    return _part(function, BORROWING_OPTIONS)
+
+
+def summing(function: F) -> F:
+    """Make a function borrow arrays, and let a processor add up its sums in any order.
+
+    It then adds several numbers at once, which changes a sum by its rounding.
+    """
+    return _part(function, SUMMING_OPTIONS)
+
+
+def _part(function: F, options: dict[str, Any]) -> F:
+    """Make a function a part of those that call it, for any values of its arguments.
+
+    numba would also compile it anew for every constant that it is called with, which gains nothing
+    here and costs a third of the time.
+    """
+    made = numba.njit(**options)(function)
     for_arguments = made.get_call_template
 
     def for_any_values(arguments: Sequence[Any], keywords: dict[str, Any]) -> Any:

@@ -4,8 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from cornertouchd.compiling import compiled, inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, compiled, inlined
 from cornertouchd.fusion.cheapest import NONE, cheapest_partners
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.evidence import CONFIDENCE_WITHOUT_CONFIRMATION, may_be_hidden

@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cornertouchd.compiling import inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, inlined
 
 WordArray = NDArray[np.uint64]
 

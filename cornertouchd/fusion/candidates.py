@@ -5,8 +5,7 @@ Each seed is fitted to all the edges that it touches.
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.cells import DiscBounds
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import (

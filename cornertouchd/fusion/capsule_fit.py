@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.cholesky import factorise, solve
 from cornertouchd.fusion.normal_equations import add_products, total
 from cornertouchd.fusion.rays import (

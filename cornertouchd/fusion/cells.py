@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import (
     GATE_SIGMAS,

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.model import BoolArray, FloatArray
 

@@ -6,7 +6,7 @@ its elements, because processors multiply faster than they divide.
 
 import numpy as np
 
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing
 from cornertouchd.model import FloatArray
 
 

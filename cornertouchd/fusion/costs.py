@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.bits import WordArray, count_common, empty_sets, put_in
-from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import (
     FIRST,

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.limits import ROUNDING_MM, SURFACE_MARGIN_MM
 from cornertouchd.model import BoolArray, FloatArray

@@ -2,7 +2,7 @@
 
 from math import isnan
 
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing
 from cornertouchd.fusion.costs import COST_OF_A_NEW_DISC
 from cornertouchd.fusion.track_rows import (
     AT_RADIUS,

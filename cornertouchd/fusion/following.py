@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from cornertouchd.compiling import compiled
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, compiled
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.evidence import (
     believe,

@@ -6,8 +6,7 @@ of both.  That each is no farther out is all that it tells.
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.capsule_fit import (
     OFF,
     OUTSIDE,

@@ -6,7 +6,7 @@ and is dark.  One that hovers leaves a gap there, through which the strip shines
 
 import numpy as np
 
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing
 from cornertouchd.fusion.edge_rows import row_of_three
 from cornertouchd.fusion.rays import (
     BOTTOM,

@@ -5,7 +5,7 @@ The acceleration is white noise.  The radius is followed beside it, slowly.
 
 from math import exp, inf, isfinite, sqrt
 
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing
 from cornertouchd.fusion.evidence import SUPPORT_OF_HIDDEN, is_missed_where_hidden
 from cornertouchd.fusion.track_rows import (
     AT_RADIUS,

@@ -6,7 +6,7 @@ tip that is found in another way moves the touch only as far as its variance all
 
 from math import sqrt
 
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing
 from cornertouchd.fusion.track_rows import (
     GAP,
     HEIGHT,

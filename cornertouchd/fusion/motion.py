@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.compiling import compiled, inlined
+from cornertouchd.compiling import borrowing, compiled, inlined
 from cornertouchd.config import MotionSettings
-from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.model import (
     BoolArray,

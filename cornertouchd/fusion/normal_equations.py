@@ -4,7 +4,7 @@ What is summed is kept term after term, so that a processor takes the same term 
 once.
 """
 
-from cornertouchd.fusion.borrowing import summing
+from cornertouchd.compiling import summing
 from cornertouchd.model import FloatArray
 
 

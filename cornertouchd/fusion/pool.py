@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.cells import DiscBounds, is_in_shadow, is_on_surface
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import (

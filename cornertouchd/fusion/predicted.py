@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing
 from cornertouchd.fusion.candidates import solve_disc
 from cornertouchd.fusion.cells import DiscBounds
 from cornertouchd.fusion.edge_rows import (

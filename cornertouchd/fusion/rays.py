@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import row_of_three
 from cornertouchd.geometry import unit_vectors

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.candidates import LARGEST_POSITION_SIGMA_MM
 from cornertouchd.fusion.cholesky import factorise, solve, variance_of_term
 from cornertouchd.fusion.crossed import IntArray

@@ -12,8 +12,7 @@ in turn, and each pair along its line.
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.cells import Wanted
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import NO_SHADOW, EdgeRows, is_in_view, row_of_three

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.bits import (
     WordArray,
     count_common,
@@ -16,7 +16,6 @@ from cornertouchd.fusion.bits import (
     is_in,
     take_out,
 )
-from cornertouchd.fusion.borrowing import borrowing
 from cornertouchd.fusion.costs import COST_OF_A_DARK_PIECE, Costs, saved_by_edges
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.pool import COST_OF_AN_EDGE

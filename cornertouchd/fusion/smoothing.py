@@ -6,7 +6,7 @@ Interactive Systems (CHI 2012).  Both axes share one cutoff, so that strokes sta
 
 from math import exp, pi, sqrt
 
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing
 from cornertouchd.fusion.track_rows import (
     AHEAD_S,
     AT_X,

@@ -7,7 +7,7 @@ to the section at the height at which its ray passes, which is linear in all six
 
 import numpy as np
 
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing
 from cornertouchd.fusion.cholesky import factorise, solve
 from cornertouchd.fusion.normal_equations import add_products, total
 from cornertouchd.fusion.rays import (

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cornertouchd.compiling import compiled, inlined
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing, compiled, inlined
 from cornertouchd.fusion.capsule_fit import (
     LEAN_X,
     LEAN_Y,

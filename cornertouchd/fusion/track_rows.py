@@ -4,7 +4,7 @@ The filters that move a touch, weigh it and smooth its report share its row; eac
 columns.  Times are seconds of the frame sets, lengths millimetres, speeds mm/s.
 """
 
-from cornertouchd.fusion.borrowing import borrowing
+from cornertouchd.compiling import borrowing
 from cornertouchd.model import FloatArray
 
 (
