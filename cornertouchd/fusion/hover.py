@@ -188,14 +188,15 @@ def _add_light(
 ) -> None:
     """Add the light of a column at rows from `first_px` on, NaN where it was not kept."""
     kept, rows = traces.light_at[column], traces.light_rows[camera]
-    first = traces.first_light[camera] + kept * rows
-    is_kept = kept >= 0 and first + rows <= traces.first_light[camera + 1]
+    first = traces.first_light[camera]
+    columns = (traces.first_light[camera + 1] - first) // max(rows, 1)
     row = first_px - 0.5 - traces.light_row_px[column]
     for step in range(ROWS):
-        if is_kept and 0.0 <= row < rows - 1:
-            above = first + int(row)
+        if 0 <= kept < columns and 0.0 <= row < rows - 1:
+            above = first + int(row) * columns + kept
             share = row - int(row)
-            light[step] += (1.0 - share) * traces.light[above] + share * traces.light[above + 1]
+            here, there = traces.light[above], traces.light[above + columns]
+            light[step] += (1.0 - share) * here + share * there
         else:
             light[step] = np.nan
         row += ROW_STEP_PX

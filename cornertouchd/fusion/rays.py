@@ -82,7 +82,7 @@ class Traces(NamedTuple):
 
     Camera c owns those from `first_outline[c]` up to `first_outline[c + 1]` of `columns_px` and
     `rows_px` (K, 2, L).  Its light is in `light` from `first_light[c]` up to `first_light[c + 1]`,
-    column after column of `light_rows[c]` rows; `light_at` and `light_row_px` (W,) are by column of
+    in `light_rows[c]` rows one after the other; `light_at` and `light_row_px` (W,) are by column of
     the picture, as in `Views`.
     """
 
@@ -123,7 +123,7 @@ def traces_of(outlines: Sequence[Outlines]) -> Traces:
         np.array(first_outline, np.intp),
         _stacked([one.columns_px for one in outlines]),
         _stacked([one.rows_px for one in outlines]),
-        np.concatenate([one.light.ravel("F") for one in outlines]),
+        np.concatenate([one.light.ravel() for one in outlines]),
         np.array(first_light, np.intp),
         np.array([len(one.light) for one in outlines], np.intp),
         np.concatenate([one.light_at for one in outlines]),

@@ -9,7 +9,6 @@ from cornertouchd.vision.outlines import (
     DARK,
     KEPT_SLOPE,
     MOST_MISSES,
-    NEAR_PX,
     REACH_PX,
     WINDOW_PX,
     level_rows,
@@ -105,10 +104,8 @@ def _follow(
         expected = last
         if slope:
             expected += slope * (_row(rows_px, level, last) - last_row)
-        found = None
-        for reach in (NEAR_PX, WINDOW_PX * (1 + misses)):
-            if found is None:
-                found = _fall(values[level], expected, reach, edge_level, mirrored, width)
+        reach = WINDOW_PX * (1 + misses)
+        found = _fall(values[level], expected, reach, edge_level, mirrored, width)
         if found is None:
             misses += 1
             continue

@@ -19,9 +19,10 @@ from cornertouchd.simulation.fingers import Finger
 from cornertouchd.simulation.optics import CornerCamera
 from cornertouchd.simulation.rig import SimulatedRig
 from cornertouchd.vision.finder import ProfileFinder
-from cornertouchd.vision.outlines import LEVELS, WAIST_ABOVE_PX, OutlineTracer, level_rows
+from cornertouchd.vision.outlines import LEVELS, OutlineTracer, level_rows
 from cornertouchd.vision.reference import Reference
 from cornertouchd.vision.strip import Strip, find_strip
+from cornertouchd.vision.waist import WAIST_ABOVE_PX
 
 VISION = VisionSettings()
 

@@ -1,0 +1,101 @@
+"""The waist of a shadow: what is left of the light where a finger and its mirror image meet.
+
+It is kept in the columns around shadows, on the rows where the surface may be.
+"""
+
+from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cornertouchd.compiling import borrowing
+from cornertouchd.model import FloatArray, Picture
+from cornertouchd.vision.strip import Strip
+
+WAIST_ABOVE_PX = 3
+"""The waist lies on the surface line or below: the camera looks down at it.  Rows above it are kept
+for the blur."""
+
+WAIST_BESIDE_PX = 3
+
+BLACK, NOW, FULL = 0, 1, 2
+"""What is known of the strip now, column by column: grey level without LEDs, how its light has
+changed since the calibration (divided by, NaN where it tells nothing), grey level at full scale."""
+
+Columns = NDArray[np.int32]
+Light = NDArray[np.float32]
+
+
+def waist_rows(strip: Strip, count: int) -> tuple[Columns, Columns]:
+    """Return the first and the last row at which light is looked at, (width_px,) each."""
+    if strip.upside_down:
+        first, last = np.floor(strip.top_px), np.floor(strip.surface_px) + WAIST_ABOVE_PX
+    else:
+        first, last = np.floor(strip.surface_px) - WAIST_ABOVE_PX, np.floor(strip.bottom_px)
+    first = np.clip(first, 0, count - 1)
+    return first.astype(np.int32), np.clip(last, first, count - 1).astype(np.int32)
+
+
+def inverse_of_waist(lit: FloatArray, first: Columns, last: Columns, least: float) -> Light:
+    """Return 1 over the light from `first` to `last` row, (rows, width_px), NaN where untold."""
+    rows = first + np.arange(int(np.max(last - first)) + 1)[:, None]
+    light = lit[np.minimum(rows, len(lit) - 1), np.arange(lit.shape[1])]
+    inverse = np.full(light.shape, nan)
+    np.divide(1.0, light, out=inverse, where=(light >= least) & (rows <= last))
+    return inverse.astype(np.float32)
+
+
+@borrowing
+def keep_columns(edges_px: FloatArray, depth: FloatArray, widest_px: int, light_at: Columns) -> int:
+    """Give numbers to the columns around shadows that may be fingers; return how many there are."""
+    count = beyond = 0
+    for number in range(len(depth)):
+        left, right = edges_px[number, 0], edges_px[number, 1]
+        if depth[number] > 0.0 and right - left <= widest_px:
+            first = max(int(left) - WAIST_BESIDE_PX, beyond)
+            beyond = max(min(int(right) + WAIST_BESIDE_PX + 1, len(light_at)), beyond)
+            for column in range(first, beyond):
+                light_at[column] = count
+                count += 1
+    return count
+
+
+@borrowing
+def write_light(
+    picture: Picture,
+    light_at: Columns,
+    waist: Light,
+    waist_first: Columns,
+    strip: FloatArray,
+    light: Light,
+) -> None:
+    """Write what is left of the light in the kept columns, (waist rows, kept columns).
+
+    Neighbours whose waists begin in the same row go together: a processor takes several pixels of
+    one row at once, but not of several rows.
+    """
+    start, width = 0, len(light_at)
+    while start < width:
+        kept, top, stop = light_at[start], waist_first[start], start + 1
+        while (
+            stop < width
+            and waist_first[stop] == top
+            and light_at[stop] == (kept + stop - start if kept >= 0 else -1)
+        ):
+            stop += 1
+        below, now, limit = (
+            strip[BLACK, start:stop],
+            strip[NOW, start:stop],
+            strip[FULL, start:stop],
+        )
+        for step in range(len(light) if kept >= 0 else 0):
+            left = light[step, kept : kept + stop - start]
+            if top + step >= len(picture):
+                left[:] = nan
+                continue
+            greys, inverse = picture[top + step, start:stop], waist[step, start:stop]
+            for column in range(stop - start):  # without branches, so that several go at once
+                grey = float(greys[column])
+                share = (grey - below[column]) * now[column] * inverse[column]
+                left[column] = share if grey < limit[column] else nan
+        start = stop
