@@ -8,7 +8,7 @@ taken when the picture was taken.
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,11 +172,11 @@ class DirectingLines:
     edges: NDArray[np.intp] = field(default_factory=lambda: np.empty((2, 0), np.intp))
 
 
-@dataclass(frozen=True, slots=True)
-class Lean:
+class Lean(NamedTuple):
     """How a finger leans: by `angle_rad` from upright, away from its tip towards `azimuth_rad`.
 
-    The azimuth runs from +x towards +y; the sigmas are their standard deviations.
+    The azimuth runs from +x towards +y; the sigmas are their standard deviations.  A tuple, as
+    contacts and touches are, since a thousand are made in a second.
     """
 
     angle_rad: float
@@ -185,8 +185,7 @@ class Lean:
     azimuth_sigma_rad: float
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
+class Contact(NamedTuple):
     """A place touched in one frame set.
 
     `cameras` are those whose shadows it explains; `confidence` is 0..1; `sigma_mm` is the
@@ -212,8 +211,7 @@ class Contact:
         return self.x_mm + self.section_shift_mm[0], self.y_mm + self.section_shift_mm[1]
 
 
-@dataclass(frozen=True, slots=True)
-class Touch:
+class Touch(NamedTuple):
     """A contact followed over time.  `id` is never used twice by the same tracker.
 
     `diameter_mm` is that of its section at the height of the cameras, 0 if unknown.

@@ -86,7 +86,7 @@ class KindsOfContacts:
             and contact.diameter_mm < self._pen_mm
             and contact.sigma_mm <= PEN_SIGMA_MM
         )
-        return replace(contact, kind="pen") if is_pen else contact
+        return contact._replace(kind="pen") if is_pen else contact
 
     def _with_palms(
         self, crossed: Crossed, directing_lines: Sequence[DirectingLines], suspects: Sequence[int]
@@ -199,7 +199,7 @@ class KindsOfContacts:
             <= reach_mm + arm.diameter_mm / 2.0
             for arm in arms
         )
-        return replace(contact, kind="palm") if belongs else contact
+        return contact._replace(kind="palm") if belongs else contact
 
 
 def _without_guesses(crossed: Crossed) -> Crossed:

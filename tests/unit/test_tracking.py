@@ -1,6 +1,5 @@
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -157,7 +156,7 @@ def test_a_doubtful_contact_of_two_cameras_stays_doubtful_until_a_third_sees_it(
     tracker: Tracker,
 ) -> None:
     third = at(60.0, 60.0, confidence=0.2)
-    ghost = replace(third, cameras=("C1", "C3"))
+    ghost = third._replace(cameras=("C1", "C3"))
     assert ids(follow(tracker, [[ghost]] * 5 + [[third]])) == [[], [], [], [], [], [1]]
 
 
@@ -207,8 +206,8 @@ def test_time_that_does_not_advance_or_leaps_lifts_and_begins_anew(
 @pytest.mark.parametrize(
     "contact",
     [
-        replace(at(60.0, 60.0), touching=False),
-        replace(at(60.0, 60.0), kind="palm"),
+        at(60.0, 60.0)._replace(touching=False),
+        at(60.0, 60.0)._replace(kind="palm"),
         at(math.nan, 60.0),
         at(60.0, math.inf),
     ],
@@ -218,12 +217,12 @@ def test_what_does_not_touch_like_a_finger_is_no_touch(tracker: Tracker, contact
 
 
 def test_a_pen_is_a_touch(tracker: Tracker) -> None:
-    assert ids(follow(tracker, [[replace(at(60.0, 60.0), kind="pen")]])) == [[1]]
+    assert ids(follow(tracker, [[at(60.0, 60.0)._replace(kind="pen")]])) == [[1]]
 
 
 def test_a_finger_that_lifts_to_hover_ends_its_touch(tracker: Tracker) -> None:
     down = [at(60.0, 60.0)]
-    hovering = [replace(at(60.0, 60.0), touching=False)]
+    hovering = [at(60.0, 60.0)._replace(touching=False)]
     assert ids(follow(tracker, [down] * 3 + [hovering] * 3))[-1] == []
 
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,7 +24,7 @@ def at(x_mm: float, y_mm: float, diameter_mm: float = 12.0) -> Contact:
 
 
 def palm_at(x_mm: float, y_mm: float) -> Contact:
-    return replace(at(x_mm, y_mm, 40.0), kind="palm")
+    return at(x_mm, y_mm, 40.0)._replace(kind="palm")
 
 
 def crossed(
@@ -152,7 +151,7 @@ class TestPredictions:
 class TestBelief:
     def test_what_is_not_reported_yet_is_not_favoured(self) -> None:
         following = Following()
-        doubtful = replace(at(50.0, 80.0), confidence=0.2)
+        doubtful = at(50.0, 80.0)._replace(confidence=0.2)
         assert following.see(doubtful) == ()
         assert following.predict().costs[0] == 6.0
 
@@ -278,7 +277,7 @@ class TestHidden:
 
     def test_is_not_led_away_by_a_doubtful_contact(self) -> None:
         following = self.half_hidden()
-        ghost = replace(at(57.0, 80.0), confidence=0.1)
+        ghost = at(57.0, 80.0)._replace(confidence=0.1)
         (touch,) = following.tell(crossed([ghost], [NEW], support=7.1), hidden=True)
         assert (touch.id, touch.x_mm) == (1, pytest.approx(50.0, abs=0.1))
 
@@ -290,7 +289,7 @@ class TestHidden:
 
     def test_goes_before_what_is_not_reported_yet(self) -> None:
         following = self.half_hidden()
-        doubtful = replace(at(60.0, 80.0), confidence=0.1)
+        doubtful = at(60.0, 80.0)._replace(confidence=0.1)
         following.tell(crossed([doubtful], [NEW], support=7.1), hidden=True)
         tentative = following.predict().costs.argmax()
         (touch,) = following.tell(crossed([at(58.0, 80.0)], [int(tentative)]), hidden=True)
@@ -300,7 +299,7 @@ class TestHidden:
 class TestBirths:
     def births(self, own_edges: int, confidence: float) -> list[list[int]]:
         following = Following()
-        contact = replace(at(50.0, 80.0), confidence=confidence)
+        contact = at(50.0, 80.0)._replace(confidence=confidence)
         return [
             ids(following.tell(crossed([contact], [number - 1], own_edges=own_edges)))
             for number in [0, 1, 1, 1]
@@ -475,7 +474,7 @@ def test_whatever_a_crossing_says_touches_come_from_contacts_and_stay_sound(
         )
         told = Crossed(
             tuple(
-                replace(contact, kind=data.draw(st.sampled_from(["finger", "palm", "pen"])))
+                contact._replace(kind=data.draw(st.sampled_from(["finger", "palm", "pen"])))
                 for contact in contacts
             ),
             np.array([data.draw(st.floats(-5.0, 40.0) | st.just(math.nan)) for _ in contacts]),
