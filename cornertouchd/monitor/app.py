@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import socket
 from collections.abc import Awaitable, Callable, Mapping
 
 from aiohttp import WSCloseCode, WSMsgType, web
@@ -23,6 +24,9 @@ LARGEST_REQUEST = 4096
 HEARTBEAT_S = 15.0
 """A browser that does not answer a ping within half of this is gone, or stopped: its place is free
 for others."""
+
+SEND_BUFFER_BYTES = 131_072
+"""What the system keeps for a viewer who is slow: more, and he sees what was seconds ago."""
 
 COOKIE_S = 30 * 24 * 3600
 
@@ -155,6 +159,7 @@ class Page:
             heartbeat=HEARTBEAT_S, max_msg_size=LARGEST_REQUEST, compress=False, timeout=2.0
         )
         await viewing.prepare(request)
+        _keep_buffer_small(request)
         sending = asyncio.ensure_future(self._send(viewing, viewer))
         try:
             async for message in viewing:
@@ -213,6 +218,12 @@ def _asked(request: web.Request) -> Asked:
     if len(request.headers.getall("Host", [])) != 1:
         headers.pop("host", None)  # of several, nobody knows which counts
     return Asked(request.method, request.path, headers, request.cookies)
+
+
+def _keep_buffer_small(request: web.Request) -> None:
+    connection = request.get_extra_info("socket")
+    if connection is not None:  # it is gone already
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
 
 
 def _error(status: int, text: str) -> web.Response:

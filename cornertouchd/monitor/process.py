@@ -61,13 +61,34 @@ async def _serve(options: PageOptions) -> None:
     )
     await runner.setup()
     try:
-        await web.TCPSite(runner, options.host, options.port).start()
+        listening = await _listen(runner.server, options)
         _say({"serving": options.address})
         telling = asyncio.ensure_future(page.tell())
         await _end()
         telling.cancel()
+        listening.close()
     finally:
         await runner.cleanup()
+
+
+async def _listen(server: web.Server | None, options: PageOptions) -> asyncio.Server:
+    """Return what accepts connections, so many at once.  Raises `OSError` if it may not."""
+    if server is None:
+        raise RuntimeError("the runner was not set up")
+
+    def accept() -> asyncio.Protocol:
+        is_full = len(server.connections) >= MOST_CONNECTIONS
+        return _TurnedAway() if is_full else server()
+
+    return await asyncio.get_running_loop().create_server(accept, options.host, options.port)
+
+
+class _TurnedAway(asyncio.Protocol):
+    """A connection for which there is no room."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """End it."""
+        transport.close()
 
 
 async def _end() -> None:

@@ -5,10 +5,13 @@ import json
 import os
 import socket
 import struct
+from contextlib import ExitStack
 
 import aiohttp
 import pytest
 from monitor.conftest import DEADLINE_S, RunningDaemon, wait_until
+
+from cornertouchd.monitor.process import MOST_CONNECTIONS
 
 WITHIN_S = 25.0
 """Longer than a connection without a whole request is kept."""
@@ -186,6 +189,15 @@ def test_a_request_that_never_ends_is_given_up(demo):
         while part := connection.recv(4096):  # a timeout fails the test
             received += part
         assert received == b""
+
+
+def test_more_connections_than_all_viewers_need_are_turned_away(demo):
+    with ExitStack() as open_ones:
+        for _ in range(MOST_CONNECTIONS + 20):
+            connection = socket.create_connection(("127.0.0.1", demo.port), DEADLINE_S)
+            open_ones.enter_context(connection)
+        assert connection.recv(1) == b""
+    wait_until(lambda: answer_to(demo, request(demo, "GET / HTTP/1.1")), "an answer")
 
 
 HANDSHAKE = (
