@@ -1,4 +1,4 @@
-"""Reads the messages of the live page, as a browser does; written from docs/live-page.md."""
+"""Reads the messages of the live page, as a browser does; written from docs/live-protocol.md."""
 
 import struct
 from typing import Any, NamedTuple

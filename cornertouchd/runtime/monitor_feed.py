@@ -1,9 +1,8 @@
 """What the live page is told, while somebody looks: the answer to "live" at the daemon's socket."""
 
 from collections.abc import Iterator
-from math import hypot
 
-from cornertouchd.model import Contact, DirectingLines, Touch
+from cornertouchd.model import DirectingLines
 from cornertouchd.pipeline import PictureError, line_tables
 from cornertouchd.ports import Clock
 from cornertouchd.runtime.asking import Asker
@@ -16,10 +15,6 @@ MOMENTS_PER_S = 60.0
 
 STRIP_EVERY_S = 0.1
 """Ten strips a second look alive; each is forty kilobytes."""
-
-SAME_PLACE_MM = 15.0
-"""A touch is smoothed and predicted, so it is a little beside its contact; fingers are no nearer
-to each other than this."""
 
 
 class MonitorFeed:
@@ -53,7 +48,6 @@ class LiveStream:
     def __init__(self, daemon: Daemon) -> None:
         self._daemon = daemon
         self._moment: Moment | None = None
-        self._diameters_mm: dict[int, float] = {}
         self._strip_due_at_s: dict[str, float] = {}
         self._strip_at_s: dict[str, float] = {}
         self._use(daemon.stages)
@@ -66,7 +60,7 @@ class LiveStream:
         moment = self._daemon.moment
         if moment is not None and moment is not self._moment:
             self._moment = moment
-            yield self._encoded(moment)
+            yield encode_moment(moment, list(self._directing_lines(moment)))
         if wants_strips:
             yield from self._strips(now_s)
 
@@ -76,18 +70,10 @@ class LiveStream:
         self._lines = line_tables(stages.calibration)
         self._edge_sigma_px = stages.settings.crossing.edge_sigma_px
 
-    def _encoded(self, moment: Moment) -> bytes:
-        self._diameters_mm = {
-            touch.id: _diameter_mm(touch, moment) or self._diameters_mm.get(touch.id, 0.0)
-            for touch in moment.touches
-        }
-        return encode_moment(moment, self._diameters_mm, list(self._directing_lines(moment)))
-
     def _directing_lines(self, moment: Moment) -> Iterator[tuple[int, DirectingLines]]:
         for seen in moment.frame_set.observations:
-            if (
-                len(seen.shadows) and seen.camera in self._numbers
-            ):  # it may just have been taken out
+            # a camera may just have been taken out
+            if len(seen.shadows) and seen.camera in self._numbers:
                 lines = self._lines[seen.camera].lay(seen.shadows, self._edge_sigma_px)
                 yield self._numbers[seen.camera], lines
 
@@ -107,15 +93,3 @@ class LiveStream:
             self._strip_at_s[camera] = frame.captured_at_s
             self._strip_due_at_s[camera] = now_s + STRIP_EVERY_S
             yield encode_strip(number, view)
-
-
-def _diameter_mm(touch: Touch, moment: Moment) -> float:
-    """Return how wide the contact of a touch is, 0 if it has none."""
-    nearest = min(moment.contacts, key=lambda one: _distance_mm(one, touch), default=None)
-    if nearest is None or _distance_mm(nearest, touch) > SAME_PLACE_MM:
-        return 0.0
-    return nearest.diameter_mm
-
-
-def _distance_mm(contact: Contact, touch: Touch) -> float:
-    return hypot(contact.x_mm - touch.x_mm, contact.y_mm - touch.y_mm)

@@ -1,11 +1,11 @@
 """What the live page is told, as bytes: moments and strips, little-endian.
 
 The same bytes go through the daemon's socket, each message after its length (u32), and to browsers
-as binary WebSocket messages.  docs/live-page.md describes them.
+as binary WebSocket messages.  docs/live-protocol.md describes them.
 """
 
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from math import degrees, nan
 from typing import NamedTuple
 
@@ -52,15 +52,10 @@ def with_length(message: bytes) -> bytes:
     return _LENGTH.pack(len(message)) + message
 
 
-def encode_moment(
-    moment: Moment,
-    diameters_mm: Mapping[int, float],
-    lines: Sequence[tuple[int, DirectingLines]],
-) -> bytes:
+def encode_moment(moment: Moment, lines: Sequence[tuple[int, DirectingLines]]) -> bytes:
     """Return a moment as a message.
 
-    `diameters_mm` are those of touches by their ids, as far as they are known; `lines` are the
-    directing lines of each camera that saw shadows, with its number.
+    `lines` are the directing lines of each camera that saw shadows, with its number.
     """
     at_s = moment.frame_set.captured_at_s
     captured = [seen.captured_at_s for seen in moment.frame_set.observations] or [at_s]
@@ -77,21 +72,21 @@ def encode_moment(
                 1000.0 * (moment.told_at_s - at_s),
                 1000.0 * (max(captured) - min(captured)),
             ),
-            *(_touch(touch, diameters_mm.get(touch.id, 0.0)) for touch in touches),
+            *map(_touch, touches),
             *contacts,
             *(_camera(number, one) for number, one in lines),
         )
     )
 
 
-def _touch(touch: Touch, diameter_mm: float) -> bytes:
+def _touch(touch: Touch) -> bytes:
     return _TOUCH.pack(
         touch.id,
         touch.x_mm,
         touch.y_mm,
         touch.vx_mm_s,
         touch.vy_mm_s,
-        diameter_mm,
+        touch.diameter_mm,
         touch.age_s,
     )
 

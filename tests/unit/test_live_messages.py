@@ -35,7 +35,9 @@ contacts = st.builds(
     st.sampled_from(["finger", "palm", "pen"]),
     lean=st.none() | leans,
 )
-touches = st.builds(Touch, st.integers(1, 2**31 - 1), numbers, numbers, numbers, numbers, numbers)
+touches = st.builds(
+    Touch, st.integers(1, 2**31 - 1), numbers, numbers, numbers, numbers, numbers, numbers
+)
 times = st.floats(0, 1e7)
 
 
@@ -63,9 +65,8 @@ def seen_at(*times_s: float) -> tuple[Observation, ...]:
 def test_moments(at_s, latency_s, skew_s, touched, found, refused, lines):
     observations = seen_at(at_s, at_s + skew_s)
     moment = Moment(FrameSet(at_s, observations), found, touched, refused, at_s + latency_s)
-    diameters = {touch.id: 10.0 for touch in touched[1:]}
     shown = [(camera, lines_of(bounds)) for camera, bounds in lines.items()]
-    told = read_message(encode_moment(moment, diameters, shown))
+    told = read_message(encode_moment(moment, shown))
 
     assert isinstance(told, ToldMoment)
     assert told.captured_at_s == at_s
@@ -75,7 +76,7 @@ def test_moments(at_s, latency_s, skew_s, touched, found, refused, lines):
     for got, given_touch in zip(told.touches, touched, strict=True):
         assert (got.x_mm, got.y_mm) == (given_touch.x_mm, given_touch.y_mm)
         assert (got.vx_mm_s, got.vy_mm_s) == (given_touch.vx_mm_s, given_touch.vy_mm_s)
-        assert got.diameter_mm == diameters.get(got.id, 0.0)
+        assert (got.diameter_mm, got.age_s) == (given_touch.diameter_mm, given_touch.age_s)
     assert [one.refused for one in told.contacts] == [False] * len(found) + [True] * len(refused)
     for got, contact in zip(told.contacts, [*found, *refused], strict=True):
         assert (got.x_mm, got.y_mm, got.kind) == (contact.x_mm, contact.y_mm, contact.kind)
@@ -92,7 +93,7 @@ def test_more_than_a_byte_counts_is_left_out():
     many = [Touch(number, 0, 0, 0, 0, 0) for number in range(300)]
     found = [Contact(0, 0, 9, (), 1, 1)] * 250
     moment = Moment(FrameSet(1.0, ()), found, many, found, 1.0)
-    told = read_message(encode_moment(moment, {}, [(0, lines_of([(0.0, 1.0)] * 300))]))
+    told = read_message(encode_moment(moment, [(0, lines_of([(0.0, 1.0)] * 300))]))
     assert (len(told.touches), len(told.contacts), len(told.lines[0])) == (255, 255, 255)
     assert sum(contact.refused for contact in told.contacts) == 5
 

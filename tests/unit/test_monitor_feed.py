@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from live_messages import ToldMoment, ToldStrip, read_message
 
-from cornertouchd.model import Contact, Frame, FrameSet, Observation, Shadows, Touch
+from cornertouchd.model import Frame, FrameSet, Observation, Shadows
 from cornertouchd.pipeline import PictureError
 from cornertouchd.runtime.monitor_feed import STRIP_EVERY_S, LiveStream, MonitorFeed
 from cornertouchd.vision.strip_view import StripView
@@ -55,19 +55,9 @@ class FakeDaemon:
         self.pictures[camera] = Frame(camera, 0, at_s, lit_mask, PIXELS)
 
 
-def touch(number: int, x_mm: float) -> Touch:
-    return Touch(number, x_mm, 50.0, 0.0, 0.0, 0.1)
-
-
-def contact(x_mm: float, diameter_mm: float) -> Contact:
-    return Contact(x_mm, 50.0, diameter_mm, ("C1", "C2"), 1.0, 0.3)
-
-
-def moment(
-    at_s: float, contacts: tuple[Contact, ...] = (), touches: tuple[Touch, ...] = ()
-) -> Moment:
+def moment(at_s: float) -> Moment:
     seen = Observation("C1", 0, at_s, Shadows.of([]))
-    return Moment(FrameSet(at_s, (seen,)), contacts, touches, (), at_s + 0.004)
+    return Moment(FrameSet(at_s, (seen,)), (), (), (), at_s + 0.004)
 
 
 @pytest.fixture
@@ -98,21 +88,6 @@ def test_a_moment_is_told_once(daemon, stream):
     daemon.moment = moment(2.0)
     daemon.moment = moment(3.0)
     assert [one.captured_at_s for one in news(stream)] == [3.0]
-
-
-def test_a_touch_is_as_wide_as_its_contact_and_stays_so_while_that_is_hidden(daemon, stream):
-    daemon.moment = moment(
-        1.0, (contact(100.0, 9.0), contact(140.0, 12.0)), (touch(1, 103.0), touch(2, 139.0))
-    )
-    (told,) = news(stream)
-    assert [(one.id, one.diameter_mm) for one in told.touches] == [(1, 9.0), (2, 12.0)]
-    daemon.moment = moment(1.01, (), (touch(1, 104.0), touch(3, 20.0)))
-    (told,) = news(stream)
-    assert [(one.id, one.diameter_mm) for one in told.touches] == [(1, 9.0), (3, 0.0)]
-    daemon.moment = moment(1.02)
-    news(stream)
-    daemon.moment = moment(1.03, (), (touch(1, 104.0),))
-    assert news(stream)[0].touches[0].diameter_mm == 0.0
 
 
 def test_strips_come_only_when_wanted_each_picture_once_and_not_too_often(daemon, stream):
