@@ -67,8 +67,8 @@ def run(config_file: Path | None) -> None:
             len(parts.ports),
             receivers_in_words(parts.settings.tuio),
         )
-        report = ServiceReport(manager, daemon, clock)
         health = HealthWatch(daemon, clock)
+        report = ServiceReport(manager, daemon, health, clock)
         reload = Reload(daemon, parts, make)
         answers = answers_of(
             daemon, health, log, config_name(parts.path), lambda: reload.parts.display, clock
@@ -80,7 +80,7 @@ def run(config_file: Path | None) -> None:
                 lambda: page_options(daemon.stages.settings, socket, os.environ), clock
             ) as page,
         ):
-            _serve(daemon, stop, hangup, reload, report, health, page)
+            _serve(daemon, stop, hangup, reload, report, page)
         counts = daemon.fusion_counts()
     _log.info("stopped: %d frame sets, %d touches", counts.frame_sets, counts.touches_begun)
 
@@ -91,7 +91,6 @@ def _serve(
     hangup: ReloadSignal,
     reload: Reload,
     report: ServiceReport,
-    health: HealthWatch,
     page: MonitorProcess,
 ) -> None:
     """Run the daemon until the signal comes; follow SIGHUP and tell the service manager."""
@@ -106,7 +105,6 @@ def _serve(
                 report.reloading()
                 reload.begin()
             report.look()
-            health.look()
             page.look()
     finally:
         report.stopping()

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from cornertouchd.ports import Clock
 from cornertouchd.runtime.daemon import Daemon
+from cornertouchd.runtime.health import Health, HealthWatch
 from cornertouchd.runtime.led_light import LightState
 from cornertouchd.runtime.notify import ServiceManager
 
@@ -31,6 +32,17 @@ class Condition:
     frame_sets_per_s: float
     touches: int
     light: LightState | None = None
+
+    @staticmethod
+    def of(health: Health) -> "Condition":
+        """Return what health says of it."""
+        return Condition(
+            tuple(camera.id for camera in health.cameras),
+            tuple(camera.id for camera in health.cameras if not camera.live),
+            health.frame_sets_per_s,
+            health.fusion.touches_now,
+            health.light,
+        )
 
     @property
     def is_degraded(self) -> bool:
@@ -62,12 +74,15 @@ class ServiceReport:
     without cameras too; by the thread that calls, so that it tells of that one as well.
     """
 
-    def __init__(self, manager: ServiceManager, daemon: Daemon, clock: Clock) -> None:
+    def __init__(
+        self, manager: ServiceManager, daemon: Daemon, health: HealthWatch, clock: Clock
+    ) -> None:
         self._manager = manager
         self._daemon = daemon
+        self._health = health
         self._clock = clock
-        self._started_at_s = self._counted_at_s = clock.now_s()
-        self._frame_sets = self._turns = 0
+        self._started_at_s = clock.now_s()
+        self._turns = 0
         self._is_ready = False
         self._told = ""
         self._note = ""
@@ -82,19 +97,21 @@ class ServiceReport:
         return min(STATUS_EVERY_S, self._manager.watchdog_s / FEEDS_PER_WATCHDOG)
 
     def look(self) -> None:
-        """Feed the watchdog if the fusion thread has gone on; tell what has changed."""
+        """Look how the daemon does; feed the watchdog if the fusion thread has gone on."""
         self._feed_watchdog()
-        now_s = self._clock.now_s()
-        if not self._is_ready:
-            condition = self._condition(now_s, since_s=self._started_at_s)
-            if not condition.is_degraded or now_s - self._started_at_s >= READY_WITHIN_S:
-                self._is_ready = True
-                self._told = str(condition)
-                self._manager.ready(self._told)
-                self._count_from(now_s)
-        elif now_s - self._counted_at_s >= STATUS_EVERY_S:
-            self._tell(f"{self._condition(now_s, since_s=self._counted_at_s)}{self._note}")
-            self._count_from(now_s)
+        if self._is_ready:
+            before = self._health.now
+            self._health.look()
+            if self._health.now is not before:
+                self._tell(f"{Condition.of(self._health.now)}{self._note}")
+            return
+        self._health.look(LOOK_FOR_READY_S)
+        condition = Condition.of(self._health.now)
+        waited_s = self._clock.now_s() - self._started_at_s
+        if not condition.is_degraded or waited_s >= READY_WITHIN_S:
+            self._is_ready = True
+            self._told = str(condition)
+            self._manager.ready(self._told)
 
     def reloading(self) -> None:
         """Tell that the configuration is read again."""
@@ -105,7 +122,8 @@ class ServiceReport:
         """Tell that this is done; `note` is part of the status until the next time."""
         self._note = f"; {note}" if note else ""
         if self._is_ready:
-            self._told = f"{self._condition(self._clock.now_s(), self._counted_at_s)}{self._note}"
+            self._health.look()
+            self._told = f"{Condition.of(self._health.now)}{self._note}"
             self._manager.ready(self._told)
 
     def stopping(self) -> None:
@@ -117,18 +135,6 @@ class ServiceReport:
         if turns != self._turns and self._manager.watchdog_s is not None:
             self._turns = turns
             self._manager.alive()
-
-    def _condition(self, now_s: float, since_s: float) -> Condition:
-        counts, cameras = self._daemon.fusion_counts(), self._daemon.camera_counts()
-        elapsed_s = max(now_s - since_s, LOOK_FOR_READY_S)
-        rate_hz = (counts.frame_sets - self._frame_sets) / elapsed_s
-        lost = [camera for camera, each in cameras.items() if not each.live]
-        light = self._daemon.light_state()
-        return Condition(tuple(cameras), lost, rate_hz, counts.touches_now, light)
-
-    def _count_from(self, now_s: float) -> None:
-        self._counted_at_s = now_s
-        self._frame_sets = self._daemon.fusion_counts().frame_sets
 
     def _tell(self, status: str) -> None:
         if status != self._told:

@@ -4,88 +4,28 @@ import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
-import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from watched_daemon import GAME, WatchedDaemon
 
 from cornertouchd.cli import main
-from cornertouchd.devices.udp_destination import DestinationStatus
 from cornertouchd.runtime.asking import AskSocket, document
-from cornertouchd.runtime.capture import CaptureCounts
-from cornertouchd.runtime.fusing import FusionCounts
 from cornertouchd.runtime.health import HealthWatch, as_json
 from cornertouchd.runtime.led_light import LightState
-from cornertouchd.wire.live import Moment
-
-GAME = DestinationStatus("127.0.0.1", 3333, 10, 0, None)
-
-
-class FakeSink:
-    destinations = (GAME,)
-
-
-class Rig:
-    """A daemon with two cameras, as far as its health goes, and the clock by which it is seen."""
-
-    def __init__(self) -> None:
-        self.time_s = 50.0
-        self.live = {"C1": True, "C2": True}
-        self.pictures = 0
-        self.fusion = FusionCounts(0, 0, 0, 0, 0, 0, 0, 0)
-        self.pipeline = SimpleNamespace(blind_columns=(), masked_columns=())
-        self.moment: Moment | None = None
-        self.supports = np.empty(0)
-        self.sink = FakeSink()
-        self.drift, self.dirt = None, ()
-        self.light: LightState | None = None
-
-    def now_s(self) -> float:
-        return self.time_s
-
-    @property
-    def stages(self) -> Any:
-        return SimpleNamespace(
-            captures={name: SimpleNamespace(pipeline=self.pipeline) for name in self.live},
-            fusion=SimpleNamespace(
-                sinks=[self.sink], pipeline=SimpleNamespace(supports=self.supports)
-            ),
-            calibration=SimpleNamespace(created_at="2026-01-02T03:04:05+00:00", residual_mm=0.1),
-        )
-
-    def strip_shifts(self) -> dict[str, str]:
-        return {}
-
-    def light_state(self) -> LightState | None:
-        return self.light
-
-    def camera_counts(self) -> dict[str, CaptureCounts]:
-        return {
-            name: CaptureCounts(self.pictures, 0, 2, live, 1) for name, live in self.live.items()
-        }
-
-    def fusion_counts(self) -> FusionCounts:
-        return self.fusion
-
-    def go_on(self, seconds: float, frame_sets: int) -> None:
-        self.time_s += seconds
-        self.pictures += frame_sets
-        self.fusion = replace(self.fusion, frame_sets=self.fusion.frame_sets + frame_sets)
 
 
 @pytest.fixture
-def rig() -> Rig:
-    return Rig()
+def rig() -> WatchedDaemon:
+    return WatchedDaemon("C1", "C2")
 
 
 @pytest.fixture
-def watch(rig: Rig) -> HealthWatch:
+def watch(rig: WatchedDaemon) -> HealthWatch:
     return HealthWatch(rig, rig)  # type: ignore[arg-type]
 
 
-def test_rates_are_those_since_the_last_look(rig: Rig, watch: HealthWatch) -> None:
+def test_rates_are_those_since_the_last_look(rig: WatchedDaemon, watch: HealthWatch) -> None:
     rig.go_on(2.0, 200)
     watch.look()
     assert (watch.now.state, watch.now.problems) == ("healthy", ())
@@ -97,7 +37,9 @@ def test_rates_are_those_since_the_last_look(rig: Rig, watch: HealthWatch) -> No
     assert (watch.now.cameras[0].reopened, watch.now.cameras[0].resets) == (1, 1)
 
 
-def test_looks_that_follow_each_other_closely_tell_the_same(rig: Rig, watch: HealthWatch) -> None:
+def test_looks_that_follow_each_other_closely_tell_the_same(
+    rig: WatchedDaemon, watch: HealthWatch
+) -> None:
     rig.go_on(1.0, 100)
     watch.look()
     told = watch.now
@@ -107,9 +49,9 @@ def test_looks_that_follow_each_other_closely_tell_the_same(rig: Rig, watch: Hea
 
 
 def test_a_lost_camera_is_a_problem_and_what_may_become_one_a_hint(
-    rig: Rig, watch: HealthWatch
+    rig: WatchedDaemon, watch: HealthWatch
 ) -> None:
-    rig.live["C2"] = False
+    rig.lost = {"C2"}
     rig.pipeline.blind_columns = ("columns 3..9 see little or nothing",)
     rig.sink.destinations = (replace(GAME, fault="Connection refused"),)
     rig.go_on(1.0, 100)
@@ -123,13 +65,15 @@ def test_a_lost_camera_is_a_problem_and_what_may_become_one_a_hint(
     )
 
 
-def test_cameras_without_frame_sets_are_a_problem(rig: Rig, watch: HealthWatch) -> None:
+def test_cameras_without_frame_sets_are_a_problem(rig: WatchedDaemon, watch: HealthWatch) -> None:
     rig.go_on(1.0, 0)
     watch.look()
     assert watch.now.problems == ("the cameras never see the same instant",)
 
 
-def test_an_led_frame_that_does_not_shine_is_a_problem(rig: Rig, watch: HealthWatch) -> None:
+def test_an_led_frame_that_does_not_shine_is_a_problem(
+    rig: WatchedDaemon, watch: HealthWatch
+) -> None:
     rig.light = LightState("/dev/ttyACM0", "", (), "constant", (9, 9, 9, 9), False, None, 0, 0, {})
     rig.go_on(1.0, 100)
     watch.look()
@@ -147,14 +91,14 @@ def status(path: Path, *options: str) -> Result:
 
 
 @pytest.fixture
-def answered(path: Path, rig: Rig, watch: HealthWatch) -> Iterator[None]:
+def answered(path: Path, rig: WatchedDaemon, watch: HealthWatch) -> Iterator[None]:
     with AskSocket(path, {"status": document(lambda: as_json(watch.now))}):
         yield
 
 
 @pytest.mark.usefixtures("answered")
 def test_the_exit_status_tells_healthy_from_degraded(
-    path: Path, rig: Rig, watch: HealthWatch
+    path: Path, rig: WatchedDaemon, watch: HealthWatch
 ) -> None:
     rig.go_on(1.0, 100)
     watch.look()
@@ -163,7 +107,7 @@ def test_the_exit_status_tells_healthy_from_degraded(
     assert "127.0.0.1:3333; 10 packets, 0 errors" in told.stdout
     assert "nothing sent yet" in told.stdout
     assert "% of a processor" in told.stdout
-    rig.live["C1"] = False
+    rig.lost = {"C1"}
     rig.light = LightState(
         "/dev/ttyACM0", "armed", (), "ambient", (9, 8, 9, 8), False, 31.0, 1, 0, {}
     )

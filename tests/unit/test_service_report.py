@@ -3,13 +3,12 @@
 from dataclasses import dataclass, field, replace
 
 import pytest
+from watched_daemon import WatchedDaemon
 
-from cornertouchd.runtime.capture import CaptureCounts
-from cornertouchd.runtime.fusing import FusionCounts
+from cornertouchd.runtime.health import HealthWatch
 from cornertouchd.runtime.service import Condition, ServiceReport
 
 ALL = ("C1", "C2", "C3", "C4")
-NOTHING = FusionCounts(0, 0, 0, 0, 0, 0, 0, 0)
 
 
 @dataclass
@@ -33,48 +32,22 @@ class FakeManager:
         self.said.append("STOPPING")
 
 
-class FakeDaemon:
-    def __init__(self) -> None:
-        self.live: tuple[str, ...] = ()
-        self.counts = NOTHING
-
-    def camera_counts(self) -> dict[str, CaptureCounts]:
-        return {camera: CaptureCounts(0, 0, 1, camera in self.live, 0) for camera in ALL}
-
-    def light_state(self) -> None:
-        return None
-
-    def fusion_counts(self) -> FusionCounts:
-        return self.counts
-
-
 class Service:
     """A daemon that is looked at as time goes by; 100 frame sets come a second if they `flow`."""
 
     def __init__(self) -> None:
-        self.manager, self.daemon = FakeManager(), FakeDaemon()
-        self.time_s = 50.0
-        self.report = ServiceReport(self.manager, self.daemon, self)
-
-    def now_s(self) -> float:
-        return self.time_s
-
-    def sleep_until(self, time_s: float) -> None:
-        raise AssertionError("nobody sleeps here")
+        self.manager, self.daemon = FakeManager(), WatchedDaemon(*ALL)
+        self.daemon.lost = set(ALL)
+        health = HealthWatch(self.daemon, self.daemon)
+        self.report = ServiceReport(self.manager, self.daemon, health, self.daemon)
 
     def go_on(self, seconds: float, *, flow: bool = True, turn: bool = True) -> list[str]:
         """Return what was said meanwhile."""
         self.manager.said.clear()
-        until_s = self.time_s + seconds
-        while self.time_s < until_s - 1e-6:
-            step_s = min(self.report.look_every_s, until_s - self.time_s)
-            self.time_s += step_s
-            counts = self.daemon.counts
-            self.daemon.counts = replace(
-                counts,
-                frame_sets=counts.frame_sets + round(100 * step_s) * flow,
-                turns=counts.turns + turn,
-            )
+        until_s = self.daemon.time_s + seconds
+        while self.daemon.time_s < until_s - 1e-6:
+            step_s = min(self.report.look_every_s, until_s - self.daemon.time_s)
+            self.daemon.go_on(step_s, round(100 * step_s) * flow, turns=int(turn))
             self.report.look()
         return [one for one in self.manager.said if one != "ALIVE"]
 
@@ -86,13 +59,13 @@ def service() -> Service:
 
 def test_ready_as_soon_as_all_cameras_give_frame_sets(service: Service) -> None:
     assert service.go_on(1.0, flow=False) == []
-    service.daemon.live = ALL
-    assert service.go_on(0.1)[0].startswith("READY 4 cameras")
-    assert service.go_on(1.0) == ["4 cameras, 100 frame sets/s, 0 touches"]
+    service.daemon.lost = set()
+    assert service.go_on(0.1) == ["READY 4 cameras, 100 frame sets/s, 0 touches"]
+    assert service.go_on(1.0) == []
 
 
 def test_a_missing_camera_delays_ready_but_not_for_ever(service: Service) -> None:
-    service.daemon.live = ("C1", "C2", "C4")
+    service.daemon.lost = {"C3"}
     assert service.go_on(9.5) == []
     assert service.go_on(1.0) == ["READY degraded: C3 lost; 3 cameras, 100 frame sets/s, 0 touches"]
 
@@ -105,13 +78,13 @@ def test_without_any_camera_the_unit_does_not_fail(service: Service) -> None:
 def test_the_status_follows_what_happens_and_is_silent_when_nothing_does(
     service: Service,
 ) -> None:
-    service.daemon.live = ALL
+    service.daemon.lost = set()
     service.go_on(3.0)
     assert service.go_on(5.0) == []
-    service.daemon.live = ("C1", "C2", "C4")
-    service.daemon.counts = replace(service.daemon.counts, touches_now=1)
+    service.daemon.lost = {"C3"}
+    service.daemon.fusion = replace(service.daemon.fusion, touches_now=1)
     assert service.go_on(2.0) == ["degraded: C3 lost; 3 cameras, 100 frame sets/s, 1 touch"]
-    service.daemon.live = ALL
+    service.daemon.lost = set()
     assert service.go_on(1.0) == ["4 cameras, 100 frame sets/s, 1 touch"]
 
 
@@ -129,21 +102,18 @@ def test_the_watchdog_is_fed_without_cameras_too(service: Service) -> None:
 
 
 def test_a_fusion_thread_that_hangs_starves_the_watchdog(service: Service) -> None:
-    service.daemon.live = ALL
+    service.daemon.lost = set()
     service.go_on(3.0)
     service.go_on(10.0, turn=False)
     assert "ALIVE" not in service.manager.said
 
 
 def test_a_reload_is_told_and_its_refusal_stays_in_the_status(service: Service) -> None:
-    service.daemon.live = ALL
+    service.daemon.lost = set()
     service.go_on(3.0)
     service.manager.said.clear()
     service.report.reloading()
-    service.time_s += 1.0
-    service.daemon.counts = replace(
-        service.daemon.counts, frame_sets=service.daemon.counts.frame_sets + 100
-    )
+    service.daemon.go_on(1.0, 100)
     service.report.reloaded("the last reload was refused")
     assert service.manager.said == [
         "RELOADING",
@@ -162,6 +132,6 @@ def test_nothing_is_ready_only_because_it_was_reloaded(service: Service) -> None
 
 def test_without_a_watchdog_one_look_a_second_is_enough(service: Service) -> None:
     service.manager.watchdog_s = None
-    service.daemon.live = ALL
+    service.daemon.lost = set()
     service.go_on(1.0)
     assert service.report.look_every_s == 1.0
