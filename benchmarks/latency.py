@@ -13,11 +13,11 @@ that 99 of 100 stay below.
 """
 
 import argparse
-import asyncio
 import multiprocessing
 import os
 import socket
 import struct
+import subprocess
 import sys
 import tempfile
 import time
@@ -27,7 +27,6 @@ from dataclasses import dataclass, field
 from multiprocessing.synchronize import Event
 from pathlib import Path
 
-import aiohttp
 import doc_tables
 import numpy as np
 
@@ -113,55 +112,25 @@ def serve(settings: Settings, path: Path, stop: Event) -> None:
         daemon.stop()
 
 
-def look(page: str, viewers: int, connected: Event, stop: Event) -> None:
-    """Look at the page with so many viewers; the last of many does not read.
-
-    Viewers have machines of their own: these take what this one has to spare.
-    """
-    os.nice(19)
-    asyncio.run(_look(page, viewers, connected, stop))
-
-
-async def _look(page: str, viewers: int, connected: Event, stop: Event) -> None:
-    async with aiohttp.ClientSession() as session:
-        eyes = [
-            await session.ws_connect(f"{page}/live", origin=page, max_msg_size=0)
-            for _ in range(viewers)
-        ]
-        for eye in eyes:
-            await eye.send_json({"strips": True})
-        reading = [asyncio.create_task(_read(eye)) for eye in (eyes[:-1] if viewers > 1 else eyes)]
-        connected.set()
-        while not stop.is_set():
-            await asyncio.sleep(0.1)
-        for task in reading:
-            task.cancel()
-
-
-async def _read(eye: aiohttp.ClientWebSocketResponse) -> None:
-    async for _ in eye:
-        pass
-
-
 @contextmanager
 def looking(page: str, viewers: int) -> Iterator[None]:
     """Have so many viewers look in a process of their own."""
     if not viewers:
         yield
         return
-    spawn = multiprocessing.get_context("spawn")
-    connected, stop = spawn.Event(), spawn.Event()
-    process = spawn.Process(target=look, args=(page, viewers, connected, stop), daemon=True)
-    process.start()
+    command = [sys.executable, str(Path(__file__).with_name("viewers.py")), page, str(viewers)]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert process.stdin is not None
+    assert process.stdout is not None
     try:
-        while not connected.wait(0.2):
-            if not process.is_alive():
-                raise SystemExit("the viewers could not connect")
+        if process.stdout.readline() != "looking\n":
+            raise SystemExit("the viewers could not connect")
         yield
     finally:
-        stop.set()
-        process.join(5.0)
+        process.stdin.close()
+        process.stdout.close()
         process.kill()
+        process.wait()
 
 
 def latencies_s(receiver: socket.socket, seconds: float) -> list[float]:
