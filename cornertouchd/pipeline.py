@@ -32,6 +32,7 @@ from cornertouchd.model import (
 )
 from cornertouchd.vision.background import Background, MaskedColumns, NotDarkError
 from cornertouchd.vision.blindness import BlindnessWatch
+from cornertouchd.vision.darkness import MeanPicture
 from cornertouchd.vision.finder import ProfileFinder, make_finder
 from cornertouchd.vision.outlines import OutlineTracer
 from cornertouchd.vision.profile import NoiseError, shows_strip
@@ -118,7 +119,7 @@ class CameraPipeline:
         observation = self._believed(frame, sight.shadows)
         reference, gain = self._background.reference, sight.measured.gain
         self._background.learn(sight)
-        return self._outlined(frame, observation, reference, gain)
+        return self._outlined(frame, observation, reference, gain, self._background.dark)
 
     def learn_dark(self, frame: Frame) -> None:
         """Learn the light of the surroundings where no LED was lit.  Raises `PictureError`."""
@@ -174,7 +175,7 @@ class CameraPipeline:
             self._shown_rows,
             finder.look(frame.pixels, background.reference),
             background.reference,
-            knows_darkness=background.dark_at_s is not None,
+            knows_darkness=background.dark is not None,
         )
 
     def reset(self) -> None:
@@ -206,11 +207,16 @@ class CameraPipeline:
         return Observation(frame.camera, number, frame.captured_at_s, shadows)
 
     def _outlined(
-        self, frame: Frame, seen: Observation, reference: Reference, gain: float
+        self,
+        frame: Frame,
+        seen: Observation,
+        reference: Reference,
+        gain: float,
+        dark: MeanPicture | None = None,
     ) -> Observation:
         if not self._settings.touch_point.enabled:
             return seen
-        outlines = self._tracer.trace(frame.pixels, seen.shadows, reference, gain)
+        outlines = self._tracer.trace(frame.pixels, seen.shadows, reference, gain, dark)
         return Observation(seen.camera, seen.sequence, seen.captured_at_s, seen.shadows, outlines)
 
 

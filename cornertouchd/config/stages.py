@@ -117,11 +117,12 @@ class BackgroundSettings(Table):
         "light that a finger throws beside its shadow.",
     )
     ambient_smoothing_s: float = Field(
-        0.015,
+        0.2,
         ge=0.001,
         le=60.0,
-        description="Time over which the light of the surroundings is averaged, when the LED frame "
-        "sends dark pictures. Short, so that it also cancels the sun on moving fingers.",
+        description="Time over which the light of the surroundings is averaged where it changes by "
+        "no more than noise, when the LED frame sends dark pictures. What changes by more, as the "
+        "sun on moving fingers, counts at once.",
     )
     ambient_age_s: float = Field(
         3.0,

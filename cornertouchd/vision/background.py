@@ -14,6 +14,7 @@ import numpy as np
 from cornertouchd.compiling import compiled, inlined
 from cornertouchd.config import BackgroundSettings, VisionSettings
 from cornertouchd.model import BoolArray, FloatArray, Picture, Shadows
+from cornertouchd.vision.darkness import MeanPicture, follow_columns, follow_pixels, unevenness
 from cornertouchd.vision.filling import fill_in
 from cornertouchd.vision.finder import ProfileFinder
 from cornertouchd.vision.gain import most_frequent_brightness
@@ -101,6 +102,7 @@ class Background:
         self._learned_at_s: float | None = None
         self._lit: FloatArray | None = None
         self._dark_at_s: float | None = None
+        self._dark: MeanPicture | None = None
         self._known = self._reference.usable
         self._covered = False
 
@@ -167,14 +169,16 @@ class Background:
                 "the strip is lit in a picture that is said to be taken without LEDs"
             )
         before_s, self._dark_at_s = self._dark_at_s, captured_at_s
-        if before_s is None or captured_at_s < before_s:
+        if self._dark is None or before_s is None or captured_at_s < before_s:
+            self._dark = picture.astype(np.float32)
             if self._is_new_light(seen):
                 self._refer_to(seen, reference.light, reference.peak)
             else:
                 self._darken(seen)
             return
         share = 1.0 - exp((before_s - captured_at_s) / self._settings.ambient_smoothing_s)
-        black = reference.black + share * (seen - reference.black)
+        self._dark = follow_pixels(self._dark, picture, share)
+        black = follow_columns(reference.black, seen, share)
         self._refer_to(black, reference.light, reference.peak)
 
     @property
@@ -183,9 +187,9 @@ class Background:
         return self._reference
 
     @property
-    def dark_at_s(self) -> float | None:
-        """When the dark picture was taken that tells the light of the surroundings, if one does."""
-        return self._dark_at_s
+    def dark(self) -> MeanPicture | None:
+        """What pictures without LEDs show (rows, width_px), while there are such."""
+        return self._dark
 
     @property
     def masked_columns(self) -> tuple[MaskedColumns, ...]:
@@ -227,7 +231,7 @@ class Background:
             return False
         strip, leds = reference.on_strip, self._lit - dark
         without = reference.light + (reference.black - dark) / self._gain
-        return _unevenness(leds[strip], reference.light[strip]) < _unevenness(
+        return unevenness(leds[strip], reference.light[strip]) < unevenness(
             leds[strip], without[strip]
         )
 
@@ -236,7 +240,7 @@ class Background:
         if self._dark_at_s is None:
             return
         if not 0.0 <= now_s - self._dark_at_s <= self._settings.ambient_age_s:
-            self._dark_at_s = None
+            self._dark_at_s = self._dark = None
             self._darken(self._sampler.reference.black)
 
     def _darken(self, black: FloatArray) -> None:
@@ -268,13 +272,6 @@ def _is_cover(shadows: Shadows, strip_px: int) -> bool:
         return False
     left_px, right_px = shadows.edges_px[0]
     return bool(right_px - left_px > SHARE_OF_A_COVER * strip_px and shadows.depth[0] > 0.0)
-
-
-def _unevenness(seen: FloatArray, expected: FloatArray) -> float:
-    """Return by how much columns differ from the light expected, but for a factor."""
-    ratio = seen / np.maximum(expected, 1.0)
-    usual = float(np.median(ratio))
-    return float(np.median(np.abs(ratio - usual))) / max(abs(usual), 0.01)
 
 
 def _how_dim(shares: FloatArray) -> str:

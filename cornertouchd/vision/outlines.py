@@ -12,6 +12,7 @@ import numpy as np
 from cornertouchd.compiling import borrowing, compiled
 from cornertouchd.config import VisionSettings
 from cornertouchd.model import BoolArray, FloatArray, Outlines, Picture, Shadows
+from cornertouchd.vision.darkness import MeanPicture, light_of_leds
 from cornertouchd.vision.reference import Reference
 from cornertouchd.vision.strip import Strip
 from cornertouchd.vision.waist import (
@@ -77,13 +78,21 @@ class OutlineTracer:
         self._widest_px = ceil(WIDEST_SHARE * empty.shape[1])
 
     def trace(
-        self, picture: Picture, shadows: Shadows, reference: Reference, gain: float
+        self,
+        picture: Picture,
+        shadows: Shadows,
+        reference: Reference,
+        gain: float,
+        dark: MeanPicture | None = None,
     ) -> Outlines:
         """Return the outlines of the shadows of a picture (rows, width_px).
 
-        `reference` is the strip as it is now, `gain` how much brighter the picture is than that.
-        On a matt screen there is no mirror image, and no light is kept.
+        `reference` is the strip as it is now, `gain` how much brighter the picture is than that;
+        `dark` what pictures without LEDs show.  A matt screen mirrors nothing: no light is kept.
         """
+        full = self._settings.saturated_grey
+        if dark is not None:
+            picture = light_of_leds(picture, dark, reference.black, full)
         columns, rows, light, light_at = _trace(
             np.ascontiguousarray(picture),
             shadows.edges_px,
@@ -95,7 +104,7 @@ class OutlineTracer:
             reference.clipped,
             self._calibrated,
             1.0 / gain,
-            self._settings.saturated_grey,
+            full,
             self._settings.edge_level,
             self._rows_px,
             self._inverse,

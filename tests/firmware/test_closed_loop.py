@@ -177,19 +177,19 @@ def test_touches_by_the_light_of_the_board(start: Start, lights: Lights) -> None
     assert loop.state() == "armed"
 
 
-def test_sun_on_one_side_moves_touches_by_tenths_of_a_millimetre(
+def test_sun_on_one_side_costs_less_than_a_tenth_of_the_accuracy(
     start: Start, lights: Lights, sunny_lights: Lights
 ) -> None:
-    dimmed = dict.fromkeys(("level_top", "level_right", "level_bottom", "level_left"), DIMMED)
-    cloudy = start(lights, pattern="ambient", dark_every=2, **dimmed)
+    cloudy = start(lights, pattern="ambient", dark_every=2)
     without_mm = float(np.mean(errors_mm(cloudy, 150)))
     end(cloudy)
+    dimmed = dict.fromkeys(("level_top", "level_right", "level_bottom", "level_left"), DIMMED)
     loop = start(sunny_lights, pattern="ambient", dark_every=2, **dimmed)
     loop.seen.wait_for_frames(60)
     with_mm = float(np.mean(errors_mm(loop, 150)))
     print(f"mean error without sun {without_mm:.3f} mm, with sun {with_mm:.3f} mm")
     print(loop.daemon.light_state())
-    assert with_mm < without_mm + 0.2
+    assert with_mm < 1.1 * without_mm
 
 
 def test_a_reset_in_mid_gesture_makes_no_false_touch(start: Start, lights: Lights) -> None:
