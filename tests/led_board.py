@@ -36,10 +36,17 @@ def make(directory: Path, target: str, build: Path) -> str:
 class Board:
     """One emulated board; `link` is the name of its serial port."""
 
-    def __init__(self, build: Path, link: Path) -> None:
+    def __init__(
+        self,
+        build: Path,
+        link: Path,
+        program: Path | None = None,
+        controller: str = "atmega328p",
+    ) -> None:
+        """`program` is a bootloader; without it our firmware runs."""
         self.link = link
         self._process = subprocess.Popen(
-            [build / "board", build / "ledframe.elf", link],
+            [build / "board", program or build / "ledframe.elf", link, controller],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

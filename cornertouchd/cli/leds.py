@@ -2,8 +2,6 @@
 
 import json
 import os
-import shutil
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,6 +14,7 @@ from rich.table import Table
 
 from cornertouchd.config import LedFrameSettings, Settings, find_settings, read_settings
 from cornertouchd.runtime.led_desk import LedDesk, LedFrameError
+from cornertouchd.runtime.led_flashing import write_firmware
 from cornertouchd.runtime.stop_signal import StopSignal
 from cornertouchd.wire.ledframe import (
     SIDE_NAMES,
@@ -169,24 +168,10 @@ def off(chosen: _Chosen) -> None:
 @click.pass_obj
 def flash(chosen: _Chosen, image: Path | None, baud: int) -> None:
     """Write the firmware to an Arduino Uno or Nano, by avrdude."""
-    program = shutil.which("avrdude")
-    if program is None:
-        raise LedFrameError("avrdude is not installed; apt install avrdude")
-    chosen_image = image or next((one for one in IMAGES if one.exists()), None)
-    if chosen_image is None or not chosen_image.is_file():
-        raise LedFrameError(
-            f"{chosen_image or IMAGES[0]}: no such firmware; build it with make -C firmware avr, "
-            "or name it with --image"
-        )
-    where = ["-p", "m328p", "-c", "arduino", "-P", chosen.port, "-b", str(baud)]
-    done = subprocess.run(  # noqa: S603
-        [program, *where, "-D", "-U", f"flash:w:{chosen_image}:i"], check=False
+    chosen_image = image or next((one for one in IMAGES if one.exists()), IMAGES[0])
+    write_firmware(
+        chosen.port, chosen_image, baud, lambda said: click.echo(said, err=True, nl=False)
     )
-    if done.returncode != 0:
-        raise LedFrameError(
-            f"avrdude failed at {chosen.port} ({done.returncode}): is the daemon stopped, is this "
-            f"the port, does its bootloader speak {baud} baud? (--baud 57600)"
-        )
     click.echo(f"{chosen.port}: {chosen_image} is written", err=True)
 
 

@@ -153,7 +153,7 @@ class SerialLedFrame:
         try:
             port = self._open_port(self._port_name)
         except Exception as error:  # noqa: BLE001  adapters raise more than SerialException
-            self._faults.fault("not opened", _opening_failed(self._port_name, error))
+            self._faults.fault("not opened", opening_failed(self._port_name, error))
             return
         try:
             self._serve(port)
@@ -236,7 +236,8 @@ class SerialLedFrame:
         )
 
 
-def _opening_failed(name: str, error: Exception) -> str:
+def opening_failed(name: str, error: Exception) -> str:
+    """Say why a port cannot be opened, and what to do."""
     number = getattr(error, "errno", None)
     remedy = {
         errno.ENOENT: "it is not there; plug the LED frame in or correct the name",

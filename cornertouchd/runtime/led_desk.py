@@ -106,14 +106,15 @@ class LedDesk:
         with self._changed:
             done = self._changed.wait_for(lambda: bool(self._lost) or holds(), timeout_s)
             if self._lost:
-                raise LedFrameError(_who_else(self._lost))
+                raise LedFrameError(who_else(self._lost))
             if not done:
                 raise LedFrameError(
                     f"{self._port}: no answer within {timeout_s:g} s; look at its cable"
                 )
 
 
-def _who_else(reason: str) -> str:
+def who_else(reason: str) -> str:
+    """Add to what a port is refused for who probably has it."""
     if "another program uses it" not in reason:
         return reason
     return f"{reason}; if that is the daemon: systemctl stop cornertouchd"

@@ -1,8 +1,10 @@
 /* The LED frame's board, emulated: the real binary for the ATmega328P on libsimavr.
  *
  *   board FIRMWARE.elf LINK
+ *   board BOOTLOADER.hex LINK [CONTROLLER]
  *
- * LINK becomes a symbolic link to the pseudo-terminal that is the board's serial port.  Commands
+ * With a bootloader it is an Arduino without firmware: resets begin in the bootloader, and opening the
+ * port is a reset.  CONTROLLER is an atmega328p unless it is named.  LINK becomes a symbolic link to the pseudo-terminal that is the board's serial port.  Commands
  * come on stdin, one a line; each is answered by one line of JSON.  It ends with stdin.
  *
  *   get                       what shines and shone, see light.c
@@ -17,6 +19,7 @@
  *   babble N                  N random bytes to the host
  *   unplug, plug              the USB cable
  *   reset, brownout           the reset line, a drop of the supply
+ *   program FILE              write what stands in the program memory to a file
  *
  * Copyright (C) 2026 the cornertouchd authors
  *
@@ -88,17 +91,54 @@ static void log_errors(avr_t *logged, const int level, const char *format, va_li
         vfprintf(stderr, format, values);
 }
 
-static int load(const char *path)
+static int load_firmware(const char *path)
 {
     static elf_firmware_t firmware;
     if (elf_read_firmware(path, &firmware))
         return -1;
-    avr = avr_make_mcu_by_name("atmega328p");
     firmware.frequency = FREQUENCY;
+    avr_load_firmware(avr, &firmware);
+    return 0;
+}
+
+/* Intel HEX, data records only: simavr's own reader adds what other records say.  The first address
+ * is where it starts. */
+static int load_bootloader(const char *path)
+{
+    char line[600];
+    unsigned count, address, type, byte, is_first = 1;
+    FILE *file = fopen(path, "r");
+    if (!file)
+        return -1;
+    avr->frequency = FREQUENCY;
+    avr->codeend = avr->flashend;
+    while (fgets(line, sizeof line, file)) {
+        if (sscanf(line, ":%2x%4x%2x", &count, &address, &type) != 3 || type != 0)
+            continue;
+        if (is_first)
+            avr->pc = avr->reset_pc = address;
+        is_first = 0;
+        for (unsigned at = 0; at < count && address + at <= avr->flashend; at++)
+            if (sscanf(line + 9 + 2 * at, "%2x", &byte) == 1)
+                avr->flash[address + at] = (uint8_t)byte;
+    }
+    fclose(file);
+    return is_first ? -1 : 0;
+}
+
+static int load(const char *path, const char *controller)
+{
+    const char *suffix = strrchr(path, '.');
+    int is_bootloader = suffix && !strcmp(suffix, ".hex");
     avr_global_logger_set(log_errors);
+    avr = avr_make_mcu_by_name(controller);
+    if (!avr)
+        return -1;
     avr_init(avr);
     avr->log = LOG_ERROR;
-    avr_load_firmware(avr, &firmware);
+    if (is_bootloader ? load_bootloader(path) : load_firmware(path))
+        return -1;
+    line_set_opening_resets(is_bootloader);
     avr->sleep = no_sleep;
     avr->vcc = avr->avcc = avr->aref = 5000;
     line_connect(avr);
@@ -131,6 +171,23 @@ static void answer(const char *name, const char *value)
 {
     fprintf(answers, "{\"%s\":\"%s\"}\n", name, value);
     fflush(answers);
+}
+
+static void reset_line(void)
+{
+    avr_reset(avr);
+    avr_regbit_setto(avr, avr->reset_flags.porf, 0);
+    avr_regbit_set(avr, avr->reset_flags.extrf);
+}
+
+static void write_program(const char *path)
+{
+    FILE *file = fopen(path, "wb");
+    if (file) {
+        fwrite(avr->flash, 1, avr->flashend + 1, file);
+        fclose(file);
+    }
+    answer(file ? "done" : "failed", "program");
 }
 
 static int set(const char *what, int value)
@@ -166,9 +223,7 @@ static int act(const char *what)
         if (line_plug(link_name))
             return 0;
     } else if (!strcmp(what, "reset")) {
-        avr_reset(avr);
-        avr_regbit_setto(avr, avr->reset_flags.porf, 0);
-        avr_regbit_set(avr, avr->reset_flags.extrf);
+        reset_line();
     } else if (!strcmp(what, "brownout")) {
         avr_reset(avr);
         avr_regbit_setto(avr, avr->reset_flags.porf, 0);
@@ -181,15 +236,18 @@ static int act(const char *what)
 
 static void command(const char *line)
 {
-    char what[32] = "";
+    char what[32] = "", path[256] = "";
     int value = 0;
-    sscanf(line, "%31s %d", what, &value);
+    sscanf(line, "%31s %255s", what, path);
+    sscanf(line, "%*s %d", &value);
     if (!strcmp(what, "get"))
         answer_all();
     else if (!strcmp(what, "flashes"))
         answer_flashes((unsigned long)value);
     else if (!strcmp(what, "wait"))
         answer_wait_at = avr->cycle + (avr_cycle_count_t)value * CYCLES_PER_MS;
+    else if (!strcmp(what, "program"))
+        write_program(path);
     else if (act(what) || set(what, value))
         answer("done", what);
     else
@@ -234,7 +292,8 @@ static int run_slice(void)
         if (state == cpu_Done || state == cpu_Crashed)
             return 0;
     }
-    line_poll();
+    if (line_poll())
+        reset_line();
     if (answer_wait_at && avr->cycle >= answer_wait_at) {
         answer_wait_at = 0;
         answer("done", "wait");
@@ -264,12 +323,12 @@ int main(int argc, char **argv)
 {
     answers = fdopen(dup(1), "w");
     dup2(2, 1); /* libsimavr writes to stdout */
-    if (argc != 3) {
-        fprintf(stderr, "usage: board FIRMWARE.elf LINK\n");
+    if (argc != 3 && argc != 4) {
+        fprintf(stderr, "usage: board FIRMWARE.elf|BOOTLOADER.hex LINK [CONTROLLER]\n");
         return 2;
     }
     link_name = argv[2];
-    if (load(argv[1]) || line_plug(link_name)) {
+    if (load(argv[1], argc > 3 ? argv[3] : "atmega328p") || line_plug(link_name)) {
         perror(argv[1]);
         return 1;
     }

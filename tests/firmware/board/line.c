@@ -23,7 +23,7 @@ static const char *link_name;
 static int host_end = -1, held_end = -1;
 static uint8_t queue[QUEUE];
 static unsigned head, tail;
-static int may_send = 1, deaf, noise_in, noise_out;
+static int may_send = 1, opening_resets, deaf, noise_in, noise_out;
 static unsigned random_state = 1;
 static unsigned long bytes_in, bytes_out;
 static avr_cycle_count_t last_byte_at;
@@ -126,7 +126,17 @@ void line_reset(void)
     avr_cycle_timer_register(avr, BYTE_CYCLES, feed, NULL);
 }
 
-void line_poll(void)
+static int was_opened(void)
+{
+    static speed_t known;
+    struct termios set;
+    if (!opening_resets || held_end < 0 || tcgetattr(held_end, &set) || cfgetospeed(&set) == known)
+        return 0;
+    known = cfgetospeed(&set);
+    return 1;
+}
+
+int line_poll(void)
 {
     unsigned room = QUEUE - 1 - (head - tail + QUEUE) % QUEUE;
     uint8_t bytes[512];
@@ -135,7 +145,10 @@ void line_poll(void)
         queue[head] = bytes[i];
         head = (head + 1) % QUEUE;
     }
+    return was_opened();
 }
+
+void line_set_opening_resets(int resets) { opening_resets = resets; }
 
 void line_set_noise(int in, int out)
 {

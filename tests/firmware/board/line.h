@@ -17,8 +17,12 @@ void line_unplug(void);
 void line_connect(avr_t *avr);
 /* A reset wipes all timers of the emulator. */
 void line_reset(void);
-/* Take what the host has written; called about four times a millisecond. */
-void line_poll(void);
+/* Take what the host has written; called about four times a millisecond.  Returns whether the port
+ * was opened in a way that resets the board. */
+int line_poll(void);
+/* Opening the port resets an Arduino, by DTR.  A pseudo-terminal does not tell that; a host that sets
+ * another speed has just opened it. */
+void line_set_opening_resets(int resets);
 /* One bit in so many bytes is flipped, on the way in or out; 0: none. */
 void line_set_noise(int in, int out);
 /* While it is deaf the controller receives nothing. */
