@@ -22,6 +22,7 @@ from cornertouchd.devices.v4l2_camera import V4l2CameraPort
 from cornertouchd.model import PictureFormat
 from cornertouchd.ports import CameraPort
 from cornertouchd.runtime.clock import MonotonicClock
+from cornertouchd.runtime.led_desk import shining
 from cornertouchd.runtime.stop_signal import StopSignal
 
 
@@ -118,7 +119,11 @@ def _ask_for_corners(settings: Settings) -> dict[str, CameraPlace]:
     places, ports = _all_cameras(settings)
     nodes = {camera: place.node for camera, place in places.items()}
     found: dict[str, CameraPlace] = {}
-    with StopSignal() as stop, PicturesInTurn(ports, nodes, _tell) as pictures:
+    with (
+        StopSignal() as stop,
+        shining(settings),
+        PicturesInTurn(ports, nodes, _tell) as pictures,
+    ):
         for corner, node in identify(tuple(corners), pictures, _tell, lambda: stop.wait(0.0)):
             found[corners[corner]] = next(one for one in places.values() if one.node == node)
             _tell(f"{corner} is {node}")

@@ -17,6 +17,7 @@ from cornertouchd.guiding.status import Status
 from cornertouchd.ports import CameraPort
 from cornertouchd.runtime.assembly import make_ports
 from cornertouchd.runtime.clock import MonotonicClock
+from cornertouchd.runtime.led_desk import shining
 from cornertouchd.simulation.board_holder import BoardHolder
 from cornertouchd.simulation.camera import painted_ports, rig_ports
 from cornertouchd.simulation.hand import Hand, Person
@@ -45,7 +46,7 @@ class GuidedRig:
 
 @contextmanager
 def guided_rig(settings: Settings, simulate: bool, finger: Path | None) -> Iterator[GuidedRig]:
-    """Yield the configured cameras, or with `simulate` a simulated rig.
+    """Yield the configured cameras, the LED frame lit, or with `simulate` a simulated rig.
 
     Without `finger` a simulated person does there all that is asked for.  Else the finger goes
     where that file (or pipe, or terminal; - is stdin) says: `X Y` in millimetres puts it there, an
@@ -53,7 +54,8 @@ def guided_rig(settings: Settings, simulate: bool, finger: Path | None) -> Itera
     """
     clock = MonotonicClock()
     if not simulate:
-        yield GuidedRig(make_ports(settings, clock), lambda _: None)
+        with shining(settings):
+            yield GuidedRig(make_ports(settings, clock), lambda _: None)
         return
     rig = make_rig(settings)
     hand = Hand()
@@ -78,7 +80,8 @@ def whole_picture_rig(settings: Settings, simulate: bool, plan: BoardPlan) -> It
     cameras = settings.cameras.model_copy(update={"units": units})
     whole = settings.model_copy(update={"cameras": cameras})
     if not simulate:
-        yield GuidedRig(make_ports(whole, clock), lambda _: None)
+        with shining(settings):
+            yield GuidedRig(make_ports(whole, clock), lambda _: None)
         return
     rig = make_rig(settings, settings.cameras.height_px)
     holder = BoardHolder(rig, plan, settings.simulation.seed)

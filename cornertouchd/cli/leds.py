@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cornertouchd.config import LedFrameSettings, Settings, find_settings, read_settings
-from cornertouchd.runtime.led_desk import LedDesk, LedFrameError
+from cornertouchd.runtime.led_desk import SHINES_WITHIN_S, LedDesk, LedFrameError, light_of
 from cornertouchd.runtime.led_flashing import write_firmware
 from cornertouchd.runtime.stop_signal import StopSignal
 from cornertouchd.wire.ledframe import (
@@ -21,16 +21,12 @@ from cornertouchd.wire.ledframe import (
     ClearFaults,
     Fault,
     SelfTest,
-    SetLevels,
-    SetPattern,
-    SetTiming,
     State,
 )
 from cornertouchd.wire.ledframe_faults import explain
 from cornertouchd.wire.ledframe_reports import SelfTested
 from cornertouchd.wire.ledframe_session import Light
 
-SHINES_WITHIN_S = 2.0
 SELF_TEST_S = 10.0
 BOOTLOADER_BAUD = 115_200
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -50,15 +46,7 @@ class _Chosen:
 
     def light(self, led_frame: LedFrameSettings) -> Light:
         """Return how the LED frame is to shine."""
-        return Light(
-            SetLevels(led_frame.levels),
-            SetTiming(
-                led_frame.period_us(self.settings.cameras.rate_hz),
-                led_frame.strobe_us,
-                led_frame.lead_us,
-            ),
-            SetPattern(led_frame.masks),
-        )
+        return light_of(led_frame, self.settings.cameras.rate_hz)
 
 
 @click.group()
@@ -177,14 +165,7 @@ def flash(chosen: _Chosen, image: Path | None, baud: int) -> None:
 
 def _shine(chosen: _Chosen, led_frame: LedFrameSettings, seconds: float | None) -> None:
     with StopSignal() as stop, LedDesk(chosen.port, chosen.light(led_frame)) as desk:
-        try:
-            desk.wait_until(_is(State.ARMED), SHINES_WITHIN_S)
-        except LedFrameError:
-            controller = desk.status.controller
-            faults = explain(controller.faults) if controller else []
-            raise LedFrameError(
-                f"{chosen.port}: it stays dark: {'; '.join(faults) or 'no reason is told'}"
-            ) from None
+        desk.wait_until_it_shines()
         levels = ", ".join(
             f"{name} {level}" for name, level in zip(SIDE_NAMES, led_frame.levels, strict=True)
         )
@@ -194,7 +175,7 @@ def _shine(chosen: _Chosen, led_frame: LedFrameSettings, seconds: float | None) 
         waited_s = 0.0
         while not stop.wait(0.25) and (seconds is None or waited_s < seconds):
             waited_s += 0.25
-            desk.wait_until(_is(State.ARMED), SHINES_WITHIN_S)
+            desk.wait_until_it_shines()
 
 
 def _is(*states: State) -> Callable[[Any], bool]:

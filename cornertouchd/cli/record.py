@@ -109,7 +109,10 @@ def _from_cameras(directory: Path, settings: Settings, notes: str) -> Iterator[O
         ports, settings.pairing.tolerance_ms / 1000, settings.cameras.read_timeout_s
     )
     rate_hz = settings.cameras.rate_hz
-    with RecordingWriter(directory, surface_mm, rate_hz, formats, notes, identities) as writer:
+    with (
+        shining(settings),
+        RecordingWriter(directory, surface_mm, rate_hz, formats, notes, identities) as writer,
+    ):
         yield recorder, writer
 
 

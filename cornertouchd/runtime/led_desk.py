@@ -1,25 +1,55 @@
 """The LED frame at the hands of a person: one command's conversation with the controller."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Self, TypeVar
 
+from cornertouchd.config import LedFrameSettings, Settings
 from cornertouchd.devices.serial_link import SerialLedFrame
 from cornertouchd.errors import ReportedError
 from cornertouchd.ports import LedFrameStatus
-from cornertouchd.wire.ledframe import Request
+from cornertouchd.wire.ledframe import Request, SetLevels, SetPattern, SetTiming, State
+from cornertouchd.wire.ledframe_faults import explain
 from cornertouchd.wire.ledframe_session import Light, Refused, Report
 
 CONNECTED_WITHIN_S = 6.0
 """An Arduino restarts when its port is opened and spends up to two seconds in its bootloader; the
 link gives up after four."""
 
+SHINES_WITHIN_S = 2.0
+
 Told = TypeVar("Told", bound=Report)
 
 
 class LedFrameError(ReportedError):
     """The LED frame is not there, or does not do what is asked; the text says why."""
+
+
+def light_of(led_frame: LedFrameSettings, cameras_rate_hz: float) -> Light:
+    """Return how the LED frame is to shine."""
+    return Light(
+        SetLevels(led_frame.levels),
+        SetTiming(led_frame.period_us(cameras_rate_hz), led_frame.strobe_us, led_frame.lead_us),
+        SetPattern(led_frame.masks),
+    )
+
+
+@contextmanager
+def shining(settings: Settings) -> Iterator[None]:
+    """Let all sides shine in every picture, while a command looks at the cameras.
+
+    Does nothing without a controller, or where the cameras are simulated.  Raises `LedFrameError`.
+    """
+    led_frame, cameras = settings.led_frame, settings.cameras
+    if not led_frame.enabled or cameras.source == "simulated":
+        yield
+        return
+    constant = led_frame.model_copy(update={"pattern": "constant"})
+    with LedDesk(led_frame.port, light_of(constant, cameras.rate_hz)) as desk:
+        desk.wait_until_it_shines()
+        yield
 
 
 class LedDesk:
@@ -86,6 +116,20 @@ class LedDesk:
     def wait_until(self, holds: Callable[[LedFrameStatus], bool], timeout_s: float) -> None:
         """Return when this holds.  Raises `LedFrameError`."""
         self._wait(lambda: holds(self._link.status), timeout_s)
+
+    def wait_until_it_shines(self) -> None:
+        """Return when it is armed.  Raises `LedFrameError`, with the faults that keep it dark."""
+
+        def shines(status: LedFrameStatus) -> bool:
+            return status.controller is not None and status.controller.state is State.ARMED
+
+        try:
+            self.wait_until(shines, SHINES_WITHIN_S)
+        except LedFrameError:
+            controller = self.status.controller
+            faults = explain(controller.faults) if controller else []
+            why = "; ".join(faults) or self._lost or "no reason is told"
+            raise LedFrameError(f"{self._port}: it stays dark: {why}") from None
 
     def fault(self, kind: str, detail: object = "") -> None:
         """Take what the link complains of; what the controller found stands in its status."""

@@ -14,7 +14,7 @@ READ_BYTES = 4096
 
 
 def write_firmware(port: str, image: Path, baud: int, tell: Callable[[str], None]) -> None:
-    """Write `image` (Intel HEX) to the controller at `port` and verify it; `tell` gets the progress.
+    """Write `image` (Intel HEX) to the controller at `port` and verify it; `tell` hears of it.
 
     Raises `LedFrameError`.  The port is held meanwhile, so that no daemon opens it in between:
     avrdude itself does not ask whether another program uses it.
@@ -24,11 +24,12 @@ def write_firmware(port: str, image: Path, baud: int, tell: Callable[[str], None
         raise LedFrameError("avrdude is not installed; apt install avrdude")
     if not image.is_file():
         raise LedFrameError(
-            f"{image}: no such firmware; build it with make -C firmware avr, or name it with --image"
+            f"{image}: no such firmware; build it with make -C firmware avr, or name one with "
+            "--image"
         )
     try:
         held = open_port(port)
-    except Exception as error:  # adapters raise more than SerialException
+    except Exception as error:  # noqa: BLE001  adapters raise more than SerialException
         raise LedFrameError(who_else(opening_failed(port, error))) from None
     where = ["-p", "m328p", "-c", "arduino", "-P", port, "-b", str(baud)]
     with held:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from cornertouchd.calibration.calibration import CalibrationError, CameraCalibration
@@ -13,6 +14,7 @@ from cornertouchd.model import Frame
 from cornertouchd.ports import CameraError, CameraPort
 from cornertouchd.runtime.assembly import find_calibration
 from cornertouchd.runtime.checks.installation import Installation
+from cornertouchd.runtime.led_desk import LedFrameError, shining
 
 LOOK_S = 1.5
 FIRST_PICTURE_S = 5.0
@@ -27,7 +29,9 @@ def cameras_of(installation: Installation) -> Iterator[Finding]:
     else:
         ports = installation.ports()
         calibrated = _calibrated(installation)
-        with ThreadPoolExecutor(max(1, len(ports))) as at_once:
+        with ExitStack() as lit, ThreadPoolExecutor(max(1, len(ports))) as at_once:
+            with suppress(LedFrameError):  # another finding tells it
+                lit.enter_context(shining(installation.settings))
             looks = [
                 at_once.submit(_camera, port, installation, calibrated.get(port.id))
                 for port in ports
