@@ -20,9 +20,10 @@ from doc_tables import put_into, table
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
+from system.kiosk.disk import KioskError  # noqa: E402
 from system.kiosk.guest import KioskGuest  # noqa: E402
 from system.kiosk.kernels import compiled_kernels, take_kernels  # noqa: E402
-from system.kiosk.machine import KioskError, find_machine  # noqa: E402
+from system.kiosk.machine import find_machine  # noqa: E402
 from system.kiosk.painting import paint_show  # noqa: E402
 
 PAGE = ROOT / "docs" / "reliability.md"

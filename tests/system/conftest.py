@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
-from system.kiosk.machine import KioskError, Machine, find_machine
-from system.kiosk.package import built_package
+from system.kiosk.disk import KioskError
+from system.kiosk.machine import Machine, find_machine
+from system.kiosk.package import built_package, with_package
 
 T = TypeVar("T")
 
@@ -32,3 +33,9 @@ def machine() -> Machine:
 def package() -> Path:
     """The Debian package; building it takes a minute."""
     return _needed(built_package)
+
+
+@pytest.fixture(scope="session")
+def installed(machine: Machine, package: Path) -> Machine:
+    """The guest with the package on its disk."""
+    return _needed(lambda: with_package(machine, package))

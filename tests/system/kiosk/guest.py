@@ -13,7 +13,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Literal, Self
 
-from system.kiosk.machine import ROOT, KioskError, Machine
+from system.kiosk.disk import KioskError
+from system.kiosk.machine import ROOT, Machine
 
 Boot = Literal["bare", "systemd"]
 INIT = {"bare": "/opt/kiosk/init", "systemd": "/sbin/init"}
@@ -28,6 +29,14 @@ _OPTIONS = (
     *("con0=null,fd:1", "con1=null", "con=null", "ssl=null", "quiet", "loglevel=4"),
     *("random.trust_cpu=on", "systemd.show_status=no", "systemd.unit=kiosk.target"),
 )
+
+
+ENVIRONMENT = {
+    "PYTHONPATH": "/host/checkout:/host/site",
+    "PYTHONDONTWRITEBYTECODE": "1",
+    "NUMBA_CACHE_DIR": "/host/compiled",
+}
+"""As in overlay/opt/kiosk/run, for a program that runs on the guest's disk outside of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +62,7 @@ class KioskGuest:
 
     def __enter__(self) -> Self:
         self._folder = Path(tempfile.mkdtemp(prefix="kiosk-"))
-        (self.share / "compiled").mkdir(parents=True)
-        _copy_checkout(self.share / "checkout")
-        _write_metadata(self.share / "site")
+        fill_share(self.share)
         return self
 
     def __exit__(
@@ -112,6 +119,13 @@ class KioskGuest:
             f"init={INIT[self._boot]}",
             *_OPTIONS,
         ]
+
+
+def fill_share(share: Path) -> None:
+    """Fill the folder that is /host in the guest."""
+    (share / "compiled").mkdir(parents=True)
+    _copy_checkout(share / "checkout")
+    _write_metadata(share / "site")
 
 
 def memory_folder() -> Path:

@@ -9,14 +9,14 @@ import fcntl
 import hashlib
 import os
 import shutil
-import subprocess
 import sys
-import tempfile
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+
+from system.kiosk.disk import KioskError, made_at, pack, run_in, run_program, work_folder
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
@@ -32,12 +32,6 @@ PACKAGES = (
 )
 TEST_PACKAGES = ("pytest", "pytest-timeout", "pytest-xdist", "hypothesis")
 PYTHON_FOLDER = f"usr/local/lib/python{PYTHON}/dist-packages"
-IMAGE_BYTES = 3 << 30
-"""Three times what it holds; the file is sparse."""
-
-
-class KioskError(Exception):
-    """The guest cannot be made here; the message says what is missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,19 +79,20 @@ def _find_kernel(folder: Path) -> Path:
     inputs = [archives[-1]] if archives else [HERE / "kernel.config", HERE / "build_kernel.sh"]
     kernel = folder / f"kernel-{_key(path.read_bytes() for path in inputs)}"
     if not kernel.exists():
-        with _made_at(kernel) as unfinished:
+        with made_at(kernel) as unfinished:
             unfinished.mkdir()
             if archives:
-                _run("tar", "--zstd", "-xf", archives[-1], "-C", unfinished)
+                run_program("tar", "--zstd", "-xf", archives[-1], "-C", unfinished)
             else:
-                _run(HERE / "build_kernel.sh", unfinished)
+                run_program(HERE / "build_kernel.sh", unfinished)
     return kernel
 
 
 def _image_key(kernel: Path) -> str:
     """Name everything that the image depends on."""
     files = sorted(path for path in OVERLAY.rglob("*") if path.is_file())
-    parts = [Path(__file__).read_bytes(), "\n".join(_requirements()).encode(), kernel.name.encode()]
+    parts = [path.read_bytes() for path in (HERE / "disk.py", Path(__file__))]
+    parts += ["\n".join(_requirements()).encode(), kernel.name.encode()]
     for path in files:
         parts += [str(path.relative_to(OVERLAY)).encode(), path.read_bytes()]
     return _key(parts)
@@ -116,9 +111,9 @@ def _build_image(modules: Path, image: Path) -> None:
             f"XDG_CACHE_HOME={cache_folder().parent} PYTHONPATH=tests {sys.executable} "
             "-m system.kiosk build`"
         )
-    with tempfile.TemporaryDirectory(prefix="kiosk-root-", dir=image.parent) as work:
-        root = Path(work) / "root"
-        _run(
+    with work_folder(image) as work:
+        root = work / "root"
+        run_program(
             # What it mounts is gone with it, even if it is killed.
             *("unshare", "--mount"),
             *("mmdebstrap", "--variant=minbase", "--components=main", "--mode=root"),
@@ -126,35 +121,17 @@ def _build_image(modules: Path, image: Path) -> None:
             *(f"--dpkgopt=path-exclude=/usr/share/{what}/*" for what in ("man", "doc", "locale")),
             *(SUITE, root),
         )
-        packages = root / PYTHON_FOLDER
-        _run(
+        run_program(
             *(sys.executable, "-m", "pip", "install", "--quiet", "--no-compile"),
-            *("--python-version", PYTHON, "--only-binary=:all:", "--target", packages),
-            *_requirements(),
+            *("--python-version", PYTHON, "--only-binary=:all:"),
+            *("--target", root / PYTHON_FOLDER, *_requirements()),
         )
         # Imports of numba and scipy take half the time when they are compiled beforehand.
-        _run("chroot", root, "python3", "-m", "compileall", "-q", f"/{PYTHON_FOLDER}", failing=True)
+        run_in(root, "sh", "-c", f"python3 -m compileall -q /{PYTHON_FOLDER} || true")
         shutil.copytree(OVERLAY, root, dirs_exist_ok=True)
         shutil.copytree(modules, root / "lib" / "modules", dirs_exist_ok=True)
         (root / "host").mkdir()
-        with _made_at(image) as unfinished:
-            with unfinished.open("wb") as file:
-                file.truncate(IMAGE_BYTES)
-            _run(
-                *("mke2fs", "-q", "-t", "ext4", "-O", "^has_journal", "-E", "lazy_itable_init=0"),
-                *("-d", root, unfinished),
-            )
-
-
-@contextmanager
-def _made_at(place: Path) -> Iterator[Path]:
-    """Give another place to work at; what is there in the end comes to `place` at once."""
-    unfinished = place.with_name(place.name + ".unfinished")
-    if unfinished.is_dir():
-        shutil.rmtree(unfinished)
-    unfinished.unlink(missing_ok=True)
-    yield unfinished
-    unfinished.rename(place)
+        pack(root, image)
 
 
 def _key(parts: Iterable[bytes]) -> str:
@@ -162,16 +139,3 @@ def _key(parts: Iterable[bytes]) -> str:
     for part in parts:
         digest.update(hashlib.sha256(part).digest())
     return digest.hexdigest()[:12]
-
-
-def _run(*command: str | Path, failing: bool = False) -> None:
-    """Run a program; raises `KioskError` with what it said, unless it may fail."""
-    try:
-        done = subprocess.run(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
-        )
-    except FileNotFoundError:
-        raise KioskError(f"{command[0]} is missing; install it") from None
-    if done.returncode and not failing:
-        said = "\n".join(done.stdout.splitlines()[-20:])
-        raise KioskError(f"{command[0]} failed with status {done.returncode}:\n{said}")
