@@ -135,7 +135,7 @@ def service(installed: str) -> Iterator[str]:
     """The service, ready."""
     write_config()
     began_s = time.monotonic()
-    run("systemctl", "start", UNIT)
+    run("systemctl", "restart", UNIT)  # enabled, it has been trying since the boot
     print(f"\n  first start: ready after {time.monotonic() - began_s:.1f} s")
     yield UNIT
     if PROGRAM.exists():

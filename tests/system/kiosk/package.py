@@ -11,8 +11,8 @@ from pathlib import Path
 from system.kiosk.disk import KioskError, pack, run_in, unpacked
 from system.kiosk.machine import ROOT, Machine, cache_folder
 
-BUILDERS = ("dpkg-buildpackage", "dh_virtualenv", "ar")
-PACKAGED = ("cornertouchd", "config", "docs", "systemd", "packaging", "pyproject.toml", "README.md",
+BUILDERS = ("dpkg-buildpackage", "dh_virtualenv", "ar", "avr-gcc", "help2man")
+PACKAGED = ("cornertouchd", "config", "docs", "firmware", "systemd", "packaging", "pyproject.toml", "README.md",
             "CHANGELOG.md", "LICENSE")  # fmt: skip
 BUILD_S = 900.0
 SAID = "opt/kiosk/installation"
@@ -82,7 +82,7 @@ def _build(files: list[str], package: Path) -> None:
     if missing:
         raise KioskError(
             f"the package cannot be built without {', '.join(missing)}: apt-get install "
-            "build-essential debhelper dh-virtualenv python3-venv"
+            "avr-libc build-essential debhelper dh-virtualenv gcc-avr help2man python3-venv"
         )
     with tempfile.TemporaryDirectory(prefix="kiosk-package-") as work:
         for name in files:
