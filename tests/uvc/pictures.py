@@ -14,7 +14,8 @@ class PictureLoop:
     """Pictures (N, height_px, width_px) of one camera, from a .npy file, again and again."""
 
     def __init__(self, path: Path) -> None:
-        self._pictures = np.load(path)
+        self._pictures = np.load(path, mmap_mode="r")
+        self._first, self._count = 0, len(self._pictures)
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -24,7 +25,11 @@ class PictureLoop:
 
     def picture(self, number: int) -> Picture:
         """Return a picture of the loop."""
-        return np.asarray(self._pictures[number % len(self._pictures)])
+        return np.asarray(self._pictures[self._first + number % self._count])
+
+    def show_only(self, first: int, count: int) -> None:
+        """Let these pictures be the loop."""
+        self._first, self._count = first, count
 
 
 def noise(shape: tuple[int, ...], number: int) -> Picture:

@@ -81,6 +81,10 @@ class UvcRig:
         self._do(camera, "unplug")
         wait_for(device(camera), exists=False)
 
+    def show_only(self, pictures: range) -> None:
+        """Let all cameras show these pictures of their loops only."""
+        self._do("all", f"show {pictures.start} {len(pictures)}")
+
     def stall(self, camera: str) -> None:
         """Let a camera send nothing, though it is there."""
         self._do(camera, "stall")

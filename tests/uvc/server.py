@@ -2,7 +2,8 @@
 
 Started by `rig.UvcRig` with a JSON object as its argument.  Commands come as lines on stdin, a
 camera's name and what it is to do; each is answered by a line on stdout: "ok", or what went wrong.
-"standstills" is answered by the times, as pairs, between which all cameras stood still.
+"standstills" is answered by the times, as pairs, between which all cameras stood still; "all show
+FIRST COUNT" lets all cameras show these pictures only.
 On a machine that cannot follow, all cameras leave out the same pictures, as triggered ones do.
 """
 
@@ -75,6 +76,11 @@ def _camera(serial: str, pictures: Path, rate_hz: float) -> UvcCamera:
 
 def _obey(cameras: dict[str, UvcCamera], line: str) -> str:
     name, _, command = line.partition(" ")
+    if name == "all":
+        _, first, count = command.split()
+        for camera in cameras.values():
+            camera.loop.show_only(int(first), int(count))
+        return "ok"
     try:
         return cameras[name].obey(command)
     except OSError as error:

@@ -25,6 +25,7 @@ pytestmark = [pytest.mark.systemd, pytest.mark.timeout(420)]
 
 PACKAGES = Path("/host/packages")
 UNIT = "cornertouchd.service"
+SURFACE = "cornertouchd@left.service"
 PROBE = "cornertouchd-probe.service"
 CONFIG = Path("/etc/cornertouchd/cornertouchd.toml")
 PROGRAM = Path("/usr/bin/cornertouchd")
@@ -149,6 +150,7 @@ def test_the_package_is_ready_to_be_set_up(installed: str) -> None:
     assert not is_ready()
     assert shows(UNIT, "UnitFileState") == ["enabled"]
     assert "# " in CONFIG.read_text()
+    assert Path("/usr/share/cornertouchd/ledframe.hex").read_text().startswith(":")
 
 
 @pytest.fixture
@@ -250,12 +252,11 @@ def test_a_bad_configuration_is_refused_and_the_former_goes_on(
 
 def test_several_surfaces_have_files_of_their_own(service: str) -> None:
     write_config(CONFIG.with_name("left.toml"), port=3335)
-    unit = "cornertouchd@left.service"
-    run("systemctl", "start", unit)
-    assert is_ready(unit)
+    run("systemctl", "start", SURFACE)
+    assert is_ready(SURFACE)
     assert is_ready()
     assert Path("/var/lib/cornertouchd/left").owner() == "cornertouchd"
-    run("systemctl", "stop", unit)
+    run("systemctl", "stop", SURFACE)
 
 
 def test_a_configuration_that_cannot_be_used_is_told_and_not_tried_in_haste(
@@ -376,20 +377,27 @@ def test_an_upgrade_keeps_configuration_and_calibration_and_restarts(
 ) -> None:
     CALIBRATION.write_text("a calibration that took a while")
     write_config()
-    config, pid = CONFIG.read_text(), main_pid()
+    write_config(CONFIG.with_name("left.toml"), port=3335)
+    run("systemctl", "start", SURFACE)
+    config, pid, pid_of_surface = CONFIG.read_text(), main_pid(), main_pid(SURFACE)
     install("later.deb")
     assert version_of() == "99.0"
     assert CONFIG.read_text() == config
     assert CALIBRATION.read_text() == "a calibration that took a while"
     wait_until(lambda: is_ready() and main_pid() not in {0, pid}, "the new daemon")
+    wait_until(
+        lambda: is_ready(SURFACE) and main_pid(SURFACE) not in {0, pid_of_surface},
+        "the new daemon of a further surface",
+        SURFACE,
+    )
     client.wait_for_touches()
 
 
 def test_removing_leaves_configuration_and_calibration(service: str) -> None:
     CALIBRATION.touch()
-    write_config(CONFIG.with_name("left.toml"), port=3335)
     run("dpkg", "--remove", "cornertouchd")
     assert shows(UNIT, "ActiveState") == ["inactive"]
+    assert shows(SURFACE, "ActiveState") == ["inactive"]
     assert not PROGRAM.exists()
     assert not OPT.exists()
     assert CONFIG.exists()

@@ -27,7 +27,7 @@ KERNEL_ARCHIVES = "kernel-*-uml.tar.zst"
 SUITE, PYTHON = "bookworm", "3.11"
 PACKAGES = (
     *("systemd", "systemd-sysv", "udev", "dbus", "kmod", "procps", "iproute2", "adduser"),
-    *("python3", "python3-venv", "python3-pip", "init-system-helpers", "busybox", "strace"),
+    *("python3", "python3-venv", "python3-pip", "init-system-helpers", "busybox", "strace", "sudo"),
     *("v4l-utils", "usbutils", "libusb-1.0-0", "libinput-tools", "evtest"),
 )
 TEST_PACKAGES = ("pytest", "pytest-timeout", "pytest-xdist", "hypothesis")

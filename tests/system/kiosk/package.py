@@ -12,8 +12,8 @@ from system.kiosk.disk import KioskError, pack, run_in, unpacked
 from system.kiosk.machine import ROOT, Machine, cache_folder
 
 BUILDERS = ("dpkg-buildpackage", "dh_virtualenv", "ar", "avr-gcc", "help2man")
-PACKAGED = ("cornertouchd", "config", "docs", "firmware", "systemd", "packaging", "pyproject.toml", "README.md",
-            "CHANGELOG.md", "LICENSE")  # fmt: skip
+PACKAGED = ("cornertouchd", "config", "docs", "firmware", "systemd", "packaging",
+            "pyproject.toml", "README.md", "CHANGELOG.md", "LICENSE")  # fmt: skip
 BUILD_S = 900.0
 SAID = "opt/kiosk/installation"
 """What the installation said, on the disk."""
