@@ -6,8 +6,9 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
-from typing import Self, TextIO
+from typing import Self
 
 import click
 
@@ -143,17 +144,21 @@ class RecordingInput:
         self._file = file
         self._transport = transport
         self._began_at_s = time.monotonic()
-        self._lines: TextIO
+        self._writing: FileIO
 
     def __enter__(self) -> Self:
         with self._told():
-            self._lines = self._file.open("w", encoding="utf-8", buffering=1)
-            self._lines.write(header_line(self._transport) + "\n")
+            self._writing = FileIO(self._file, "w")
+        try:
+            self._write(header_line(self._transport))
+        except ReportedError:
+            self._writing.close()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
         with self._told():
-            self._lines.close()
+            self._writing.close()
 
     def receive(self, wait_s: float) -> tuple[bytes, str] | None:
         """Return the next packet and who sent it, None if none comes in time."""
@@ -161,9 +166,15 @@ class RecordingInput:
         if came is not None:
             data, sender = came
             packet = Packet(time.monotonic() - self._began_at_s, sender, data)
-            with self._told():
-                self._lines.write(packet_line(packet) + "\n")
+            self._write(packet_line(packet))
         return came
+
+    def _write(self, line: str) -> None:
+        """Write a line at once: whatever ends the program, the file is whole up to there."""
+        rest = memoryview(f"{line}\n".encode())
+        with self._told():
+            while rest:
+                rest = rest[self._writing.write(rest) :]
 
     @contextlib.contextmanager
     def _told(self) -> Iterator[None]:

@@ -1,5 +1,6 @@
 """Real TUIO programs, each in its own process, and the way from our sink to them."""
 
+import contextlib
 import os
 import random
 import shutil
@@ -7,21 +8,26 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn
 
 import pytest
 
+from cornertouchd.devices.stream_hub import StreamHub, StreamLink
 from cornertouchd.devices.tuio_sink import TuioReceiver, TuioSink
 from cornertouchd.devices.udp_destination import UdpDestination
 from cornertouchd.model import Touch, TouchFrame
 from cornertouchd.wire.mapping import DisplayMapping
+from cornertouchd.wire.tuio_blobs import Profile
 
 HERE = Path(__file__).parent
 DEADLINE_S = 15.0
 WIDTH_MM, HEIGHT_MM = 800.0, 450.0
+DISPLAY = DisplayMapping(0.0, 0.0, WIDTH_MM, HEIGHT_MM)
+DIAMETER_MM = 9.0
 
+Ways = Sequence[tuple[UdpDestination | StreamLink, tuple[Profile, ...]]]
 Place = tuple[float, float]  # shares of the display, from its top-left corner
 
 
@@ -119,7 +125,7 @@ def _give_up(reason: str) -> NoReturn:
     pytest.skip(reason)
 
 
-def _npm_command() -> list[str]:
+def _npm_command(program: str) -> list[str]:
     node = shutil.which("node")
     if node is None:
         _give_up("node is not installed")
@@ -127,15 +133,23 @@ def _npm_command() -> list[str]:
     folders = [Path(named), Path(named, "node_modules")] if named else [HERE / "node_modules"]
     for folder in folders:
         if (folder / "tuio-client").is_dir() and (folder / "osc-js").is_dir():
-            return [node, "npm_client.mjs", str(folder.resolve())]
+            return [node, program, str(folder.resolve())]
     _give_up(f"tuio-client and osc-js are not in {folders[-1]}; run npm ci in {HERE}")
 
 
 COMMANDS: dict[str, Callable[[], list[str]]] = {
     "kivy": lambda: [sys.executable, "kivy_client.py"],
     "qt": lambda: [sys.executable, "qt_client.py"],
-    "npm": _npm_command,
+    "npm": lambda: _npm_command("npm_client.mjs"),
+    "python-tuio": lambda: [sys.executable, "python_tuio_client.py"],
 }
+"""Programs that listen to UDP."""
+
+CONNECTING: dict[str, Callable[[], list[str]]] = {
+    "npm over WebSocket": lambda: _npm_command("npm_websocket_client.mjs"),
+    "TCP": lambda: [sys.executable, "tcp_client.py"],
+}
+"""Programs that connect to a server of ours."""
 
 
 def free_port() -> int:
@@ -145,19 +159,26 @@ def free_port() -> int:
         return port
 
 
-@pytest.fixture(scope="session", params=COMMANDS)
-def running_client(request: pytest.FixtureRequest) -> Iterator[ClientProgram]:
-    name: str = request.param
-    program = ClientProgram(name, COMMANDS[name](), free_port())
+@contextlib.contextmanager
+def running(name: str, command: list[str], port: int) -> Iterator[ClientProgram]:
+    """A client that is ready."""
+    program = ClientProgram(name, command, port)
     try:
         program.wait_until(lambda: bool(program.said), "ready")
         if program.said[0].startswith("missing"):
             reason = program.said[0].removeprefix("missing ")
             _give_up(f"{name}: {reason}; install the extra cornertouchd[clients]")
-        assert program.said == ["ready"]
+        assert program.said[0] == "ready"
         yield program
     finally:
         program.close()
+
+
+@pytest.fixture(scope="session", params=COMMANDS)
+def running_client(request: pytest.FixtureRequest) -> Iterator[ClientProgram]:
+    name: str = request.param
+    with running(name, COMMANDS[name](), free_port()) as program:
+        yield program
 
 
 @pytest.fixture
@@ -176,19 +197,21 @@ class Tracker:
 
     _starts = 0
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, *ports: int, hub: StreamHub | None = None, links: Ways = ()) -> None:
         Tracker._starts += 1  # as time gives it: each start is far ahead of the one before
         seed = 1_000_000 * Tracker._starts
-        mapping = DisplayMapping(0.0, 0.0, WIDTH_MM, HEIGHT_MM)
-        receiver = TuioReceiver(UdpDestination("127.0.0.1", port), mapping)
-        self.sink = TuioSink([receiver], "test@127.0.0.1", seed, seed)
+        receivers = [
+            *(TuioReceiver(UdpDestination("127.0.0.1", port), DISPLAY) for port in ports),
+            *(TuioReceiver(link, DISPLAY, profiles) for link, profiles in links),
+        ]
+        self.sink = TuioSink(receivers, "test@127.0.0.1", seed, seed, hub=hub)
         self.now_s = 0.0
 
     def send(self, places: dict[int, Place]) -> None:
         """Send one frame: the places of touches by their tracker's ids."""
         self.now_s += 0.01
         touches = (
-            Touch(id_, x * WIDTH_MM, y * HEIGHT_MM, 10.0, 5.0, 0.0)
+            Touch(id_, x * WIDTH_MM, y * HEIGHT_MM, 10.0, 5.0, 0.0, DIAMETER_MM)
             for id_, (x, y) in places.items()
         )
         self.sink.send(TouchFrame(self.now_s, tuple(touches)), self.now_s)

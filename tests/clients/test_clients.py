@@ -83,6 +83,7 @@ def test_one_packet_in_five_lost_of_many_contacts(client, start_tracker, lossy_r
     tracker.rest(5.0)
     client.wait_until(lambda: len(client.added) >= 40 and not client.touches, "the end")
     assert client.removed == len(client.added) == 40
-    # Qt shows a contact as soon as it is alive: in the corner, if the packet that set it was lost,
-    # until the next one sets it.  The others wait for its place.
-    assert client.name == "qt" or set(client.added) <= set(places.values())
+    # Qt and python-tuio show a contact as soon as it is alive: in the corner, if the packet that
+    # set it was lost, until the next one sets it.  The others wait for its place.
+    hasty = client.name in {"qt", "python-tuio"}
+    assert hasty or set(client.added) <= set(places.values())

@@ -1,5 +1,6 @@
 """`cornertouchd listen` as its user meets it: on a screen, in a pipe, as a picture."""
 
+import contextlib
 import io
 import os
 import pty
@@ -8,11 +9,14 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.console import Console
 from rich.live import Live
 
@@ -21,6 +25,17 @@ from cornertouchd.cli.monitor_view import MonitorView
 from cornertouchd.devices.tuio_listening import datagrams
 from cornertouchd.wire.tuio import BundleEncoder, Cursor
 from cornertouchd.wire.tuio_reader import TuioReader
+from cornertouchd.wire.tuio_record import (
+    TRANSPORTS,
+    Packet,
+    header_line,
+    packet_line,
+    read_header,
+    read_packets,
+)
+from cornertouchd.wire.tuio_rules import Transport
+from cornertouchd.wire.tuio_stream import length_prefixed
+from cornertouchd.wire.websocket import binary_message, websocket_dialect
 
 COMMAND = [sys.executable, "-c", "from cornertouchd.cli.listen import listen; listen()"]
 DEADLINE_S = 20.0
@@ -235,3 +250,175 @@ def test_every_size_of_terminal_is_filled_and_not_exceeded(width: int, height: i
     screen = screen_of(fed(bundle(1, *cursors)), 100.0, width, height)
     assert len(screen) == height
     assert max(map(len, screen)) <= width
+
+
+# --- other transports, rules, records ------------------------------------------------------------
+
+GOOD = [bundle(1, Cursor(17, 0.25, 0.5, 0.0, 0.0, 0.0)), bundle(2)]
+BAD = bundle(3, Cursor(18, 1.25, 0.5, 0.0, 0.0, 0.0))
+
+
+@contextlib.contextmanager
+def serving(tcp: bool, *bundles: bytes) -> Iterator[int]:
+    """A server that tells bundles to its first client and goes."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            connection, _ = server.accept()
+            with connection:
+                if not tcp:
+                    conversation = websocket_dialect(()).converse()
+                    while not conversation.is_ready:
+                        connection.sendall(conversation.receive(connection.recv(4096)))
+                for each in bundles:
+                    connection.sendall(length_prefixed(each) if tcp else binary_message(each))
+                if not tcp:
+                    connection.sendall(conversation.farewell())
+                connection.shutdown(socket.SHUT_WR)
+                while connection.recv(4096):
+                    pass
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield server.getsockname()[1]
+        thread.join(DEADLINE_S)
+
+
+@pytest.mark.parametrize(
+    ("tcp", "address"),
+    [
+        (True, ["tcp://127.0.0.1:{}"]),
+        (False, ["ws://127.0.0.1:{}"]),
+        (True, ["--transport", "tcp", "--port", "{}"]),
+        (False, ["--transport", "websocket", "--host", "127.0.0.1", "--port", "{}"]),
+    ],
+)
+def test_a_server_is_listened_to_until_it_goes(tcp: bool, address: list[str]) -> None:
+    with serving(tcp, *GOOD) as port:
+        result = CliRunner().invoke(listen, [word.format(port) for word in address])
+    assert result.exit_code == 0
+    assert result.stdout == (
+        "add 17 0.2500 0.5000 hall@10.0.0.5\nremove 17 0.2500 0.5000 hall@10.0.0.5\n"
+    )
+    assert f"127.0.0.1:{port} has closed the connection" in result.stderr
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "ws"])
+def test_a_server_that_is_not_there_is_an_error(scheme: str, port: int) -> None:
+    result = CliRunner().invoke(listen, [f"{scheme}://127.0.0.1:{port}"])
+    assert result.exit_code == 1
+    assert result.stderr.startswith(f"Error: cannot connect to {scheme}://127.0.0.1:{port}: ")
+    assert "refused" in result.stderr
+
+
+def test_what_is_no_stream_of_bundles_is_said() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def greet() -> None:
+            with server.accept()[0] as connection:
+                connection.sendall(b"HTTP/1.1 200 OK")
+
+        greeting = threading.Thread(target=greet)
+        greeting.start()
+        result = CliRunner().invoke(listen, [f"tcp://127.0.0.1:{server.getsockname()[1]}"])
+        greeting.join(DEADLINE_S)
+    assert "a bundle of 1213486160 bytes, must be 1..65536" in result.stderr
+
+
+def test_a_stream_that_breaks_rules_is_told_with_place_and_status() -> None:
+    with serving(True, *GOOD, BAD) as port:
+        result = CliRunner().invoke(listen, [f"tcp://127.0.0.1:{port}", "--check"])
+    assert result.exit_code == 1
+    assert result.stdout == "packet 3, byte 128: range: x = 1.25, must be 0..1\n"
+    assert result.stderr.endswith("3 packets, 1 violations, 0 frames lost on the way\n")
+
+
+def test_a_stream_that_keeps_the_rules_is_well() -> None:
+    with serving(False, *GOOD) as port:
+        result = CliRunner().invoke(listen, [f"ws://127.0.0.1:{port}", "--check"])
+    assert (result.exit_code, result.stdout) == (0, "")
+    assert result.stderr.endswith("2 packets, 0 violations, 0 frames lost on the way\n")
+
+
+def test_a_check_that_saw_nothing_is_no_success(port: int) -> None:
+    result = CliRunner().invoke(listen, ["--port", str(port), "--check", "--seconds", "0.01"])
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "0 packets" in result.stderr
+
+
+def test_a_record_is_replayed_and_checked_like_the_stream(tmp_path: Path) -> None:
+    file = tmp_path / "table.jsonl"
+    with serving(True, *GOOD, BAD) as port:
+        live = CliRunner().invoke(
+            listen, [f"tcp://127.0.0.1:{port}", "--plain", "--record", str(file)]
+        )
+    header, *packets = file.read_text().splitlines()
+    assert header == '{"format": "cornertouchd-tuio", "version": 1, "transport": "tcp"}'
+    assert len(packets) == 3
+    replayed = CliRunner().invoke(listen, [str(file), "--plain"])
+    assert replayed.stdout == live.stdout != ""
+    checked = CliRunner().invoke(listen, [str(file), "--check"])
+    assert checked.exit_code == 1
+    assert checked.stdout.startswith("packet 3, byte 128: range: ")
+    assert f"{file}: all of it was read" in checked.stderr
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("", "line 1: no JSON"),
+        ("[]", "line 1: no JSON object"),
+        ('{"format": "other"}', "line 1: no record of TUIO"),
+        ('{"format": "cornertouchd-tuio", "version": 2}', "line 1: version 2, this program reads"),
+        (
+            header_line("udp").replace('"udp"', '"mail"'),
+            "line 1: transport must be one of udp, tcp",
+        ),
+        (f"{header_line('udp')}\n{{}}", "line 2: needs at_s (from 0), sender and packet"),
+        (
+            f'{header_line("udp")}\n{{"at_s": 0, "sender": "a", "packet": "0g"}}',
+            "line 2: packet is not hexadecimal",
+        ),
+        (f"{header_line('udp')}\n{{", "line 2: no JSON"),
+    ],
+)
+def test_a_record_that_cannot_be_used_is_an_error(tmp_path: Path, content: str, said: str) -> None:
+    file = tmp_path / "table.jsonl"
+    file.write_text(content)
+    result = CliRunner().invoke(listen, [str(file), "--check"])
+    assert result.exit_code in {1, 2}
+    assert f"{file}: {said}" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["http://127.0.0.1"],
+        ["ws://"],
+        ["tcp://127.0.0.1:70000"],
+        ["missing.jsonl"],
+        ["udp://127.0.0.1", "--port", "3333"],
+        ["--check", "--plain"],
+        ["--transport", "sctp"],
+    ],
+)
+def test_what_cannot_be_listened_to_is_wrong_usage(arguments: list[str]) -> None:
+    assert CliRunner().invoke(listen, arguments).exit_code == 2
+
+
+def test_a_record_that_cannot_be_written_is_an_error(port: int) -> None:
+    result = CliRunner().invoke(listen, ["--port", str(port), "--record", "/dev/full"])
+    assert result.exit_code == 1
+    assert "record /dev/full: No space left on device" in result.stderr
+
+
+@given(
+    st.floats(0.0, 1e6), st.text(max_size=30), st.binary(max_size=300), st.sampled_from(TRANSPORTS)
+)
+def test_a_line_of_a_record_means_what_was_written(
+    at_s: float, sender: str, data: bytes, transport: Transport
+) -> None:
+    assert read_header(header_line(transport)) == transport
+    (packet,) = read_packets([packet_line(Packet(at_s, sender, data))])
+    assert (packet.sender, packet.data) == (sender, data)
+    assert packet.at_s == pytest.approx(at_s, abs=1e-6)
