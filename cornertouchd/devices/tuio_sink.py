@@ -18,7 +18,8 @@ log = logging.getLogger(__name__)
 # A client may have been started, or may have lost a packet: once a second it is told everything.
 FULL_STATE_EVERY_S = 1.0
 # "No touches" is told three times within 100 ms, so that one lost packet leaves no touch stuck;
-# with a tick at least every 25 ms the repeats leave at 60 and 95 ms at the latest.
+# with a tick at least every 25 ms the repeats leave at 60 and 95 ms at the latest.  Streams, which
+# lose nothing, are told once.
 REPEATS = 2
 REPEAT_EVERY_S = 0.035
 
@@ -111,19 +112,16 @@ class TuioSink:
         if self._closed:
             return
         self._closed = True
-        self._tell_empty()
-        if self._destinations:
-            for _ in range(REPEATS):
-                self._sleep(REPEAT_EVERY_S)
-                self._tell_empty()
-        self._streams.close()
-        for destination in self._destinations:
-            destination.close()
-
-    def _tell_empty(self) -> None:
         for display in self._displays:
             display.tell_empty(self._now_s)
         self._streams.ring()
+        for _ in range(REPEATS if self._destinations else 0):
+            self._sleep(REPEAT_EVERY_S)
+            for display in self._displays:
+                display.repeat(self._now_s)
+        self._streams.close()
+        for destination in self._destinations:
+            destination.close()
 
 
 def _refuse_twins(destinations: Iterable[DestinationStatus]) -> None:
@@ -223,9 +221,9 @@ class _Display:
             self._repeat_from(now_s)
         elif self._repeats_at_s and now_s >= self._repeats_at_s[0]:
             self._repeats_at_s = self._repeats_at_s[1:]
-            self._tell_full_state(now_s)
+            self.repeat(now_s)
         elif now_s - self._told_at_s >= FULL_STATE_EVERY_S:
-            self._tell_full_state(now_s)
+            self._tell(self._full_state(), now_s)
 
     def tell_empty(self, now_s: float) -> None:
         told: dict[Profile, list[bytes]] = {"2Dcur": [self.session.empty()]}
@@ -233,23 +231,30 @@ class _Display:
             told["2Dblb"] = [self._blobs.empty()]
         self._tell(told, now_s)
 
-    def _tell_full_state(self, now_s: float) -> None:
+    def repeat(self, now_s: float) -> None:
+        """Tell once more, where packets may have been lost, what was told last."""
+        self._tell_datagrams(self._full_state(), now_s)
+
+    def _full_state(self) -> dict[Profile, list[bytes]]:
         told: dict[Profile, list[bytes]] = {"2Dcur": self.session.full_state()}
         if self._blobs is not None:
             told["2Dblb"] = self._blobs.full_state()
-        self._tell(told, now_s)
+        return told
 
     def _repeat_from(self, now_s: float) -> None:
         self._repeats_at_s = tuple(
             now_s + REPEAT_EVERY_S * (repeat + 1) for repeat in range(REPEATS)
         )
 
-    def _tell(self, told: Mapping[Profile, list[bytes]], now_s: float) -> None:
+    def _tell_datagrams(self, told: Mapping[Profile, list[bytes]], now_s: float) -> None:
         self._told_at_s = now_s
         for destination, profiles in self._datagrams:
             for profile in profiles:
                 for bundle in told[profile]:
                     destination.send(bundle, now_s)
+
+    def _tell(self, told: Mapping[Profile, list[bytes]], now_s: float) -> None:
+        self._tell_datagrams(told, now_s)
         if self._links:
             whole = self._whole(told)
             for link, profiles in self._links:
