@@ -1,6 +1,7 @@
 """`cornertouchd calibrate display`: four taps fix where the display lies on the surface."""
 
 import os
+import re
 from pathlib import Path
 
 import click
@@ -11,8 +12,10 @@ from cornertouchd.cli.guided_rig import guided_rig
 from cornertouchd.cli.targets import FiniteRange
 from cornertouchd.cli.working import require_writable
 from cornertouchd.config import Settings, find_settings, read_settings
+from cornertouchd.config.output import DISPLAY_NAME, LONGEST_DISPLAY_NAME
 from cornertouchd.guiding.display_taps import DisplayTaps, TappedCorners, watch_with
-from cornertouchd.runtime.assembly import display_file, find_calibration
+from cornertouchd.runtime.assembly import calibration_file, find_calibration
+from cornertouchd.runtime.displays import display_file
 from cornertouchd.runtime.stamping import stamp_now
 from cornertouchd.runtime.stop_signal import StopSignal
 
@@ -28,6 +31,12 @@ _PATH = click.Path(path_type=Path)
     show_default=True,
     help="Tap this share of the picture's sides inside its corners: 0.1 is a tenth.",
 )
+@click.option(
+    "--name",
+    default="",
+    callback=lambda _context, _option, name: _checked(name),
+    help="Name of the display, if the surface has several; as `display` of who is to have it.",
+)
 @click.option("--output", type=_PATH, help="File; else display.json in the state directory.")
 @click.option("--simulate", is_flag=True, help="On the simulated rig.")
 @click.option("--finger", type=_PATH, help="With --simulate: as for `cornertouchd calibrate`.")
@@ -35,6 +44,7 @@ _PATH = click.Path(path_type=Path)
 def display(
     config_file: Path | None,
     inset: float,
+    name: str,
     output: Path | None,
     simulate: bool,
     finger: Path | None,
@@ -44,11 +54,11 @@ def display(
 
     Tap the corners of the picture as you see it: top left, top right, bottom right, bottom left.
     Touches are then told in the picture's own coordinates, also when it is turned or mirrored.
-    Destinations whose display settings are not at their defaults keep those.
+    Destinations and touchscreens whose display settings are not at their defaults keep those.
     """
     path = find_settings(config_file, os.environ)
     settings = read_settings(path) if path else Settings()
-    output = output or _usual_output(settings, simulate)
+    output = output or _usual_output(settings, simulate, name)
     if forget:
         _forget(output)
         return
@@ -87,7 +97,16 @@ def _forget(file: Path) -> None:
         click.echo(f"{file}: removed", err=True)
 
 
-def _usual_output(settings: Settings, simulate: bool) -> Path:
+def _usual_output(settings: Settings, simulate: bool, name: str) -> Path:
     """Return the file that the daemon reads; a simulated display must not take its place."""
-    usual = display_file(settings, os.environ)
-    return usual.with_name("simulated-display.json") if simulate else usual
+    usual = display_file(calibration_file(settings, os.environ), name)
+    return usual.with_name(f"simulated-{usual.name}") if simulate else usual
+
+
+def _checked(name: str) -> str:
+    """Return a name that the settings would take, too."""
+    if len(name) > LONGEST_DISPLAY_NAME or not re.fullmatch(DISPLAY_NAME, name):
+        raise click.BadParameter(
+            f"{name!r} must be up to {LONGEST_DISPLAY_NAME} letters, digits, - and _"
+        )
+    return name

@@ -18,6 +18,7 @@ from cornertouchd.model import Frame, PictureFormat
 from cornertouchd.runtime.assembly import make_ports
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.kept_recorder import KeptRecorder
+from cornertouchd.runtime.led_desk import shining
 from cornertouchd.runtime.recorder import Recorder
 from cornertouchd.runtime.stop_signal import StopSignal
 from cornertouchd.wire.pictures import PictureStreamError

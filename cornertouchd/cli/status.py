@@ -122,6 +122,9 @@ def _lines(told: dict[str, Any]) -> Iterator[Text | Table]:
     )
     for to in told["destinations"]:
         facts.add_row("TUIO", _destination(to))
+    for screen in told["screens"]:
+        state = f"{screen['reports_sent']} reports" if screen["is_there"] else "not there"
+        facts.add_row("touchscreen", f"{screen['name']}; {state}, {screen['errors']} errors")
     if told["light"] is not None:
         facts.add_row("LED frame", _light(told["light"]))
     yield facts

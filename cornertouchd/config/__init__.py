@@ -18,6 +18,7 @@ from cornertouchd.config.rig import (
     SurfaceSettings,
 )
 from cornertouchd.config.running import RuntimeSettings
+from cornertouchd.config.screens import ScreenSettings
 from cornertouchd.config.settings import Settings
 from cornertouchd.config.stages import (
     BackgroundSettings,
@@ -50,6 +51,7 @@ __all__ = [
     "PaperCrossingSettings",
     "PaperVisionSettings",
     "RuntimeSettings",
+    "ScreenSettings",
     "Settings",
     "SimulationSettings",
     "SurfaceSettings",

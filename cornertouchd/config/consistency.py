@@ -1,7 +1,7 @@
 """Values that are good each by itself but not together."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from cornertouchd.config.led_frame import (
@@ -13,6 +13,7 @@ from cornertouchd.config.led_frame import (
 from cornertouchd.config.monitor import MonitorSettings
 from cornertouchd.config.output import DisplaySettings, TuioSettings
 from cornertouchd.config.rig import CamerasSettings, SurfaceSettings
+from cornertouchd.config.screens import ScreenSettings
 from cornertouchd.config.stages import CrossingSettings, PairingSettings, VisionSettings
 from cornertouchd.config.table import Location, Table
 
@@ -51,6 +52,7 @@ def find_contradictions(
     pairing: PairingSettings,
     crossing: CrossingSettings,
     tuio: TuioSettings,
+    screens: Sequence[ScreenSettings],
     monitor: MonitorSettings,
 ) -> tuple[Contradiction, ...]:
     """Return everything that does not fit together, in the order of the file."""
@@ -69,6 +71,8 @@ def find_contradictions(
         *_destinations_told_once(tuio),
         *_ports_of_their_own(tuio),
         *_displays_on_surface(surface, tuio),
+        *_screens_named_once(screens),
+        *_screens_on_surface(surface, screens),
         *_page_guarded(monitor),
     )
 
@@ -206,3 +210,23 @@ def _display_on_surface(
                 f"{shown}: {start} = {start_mm} and {length} = {length_mm} reach beyond the "
                 f"surface: [surface] {side} = {side_mm}; make the display lie on the surface",
             )
+
+
+def _screens_named_once(screens: Sequence[ScreenSettings]) -> Iterator[Contradiction]:
+    first: dict[str, int] = {}
+    for number, screen in enumerate(screens):
+        before = first.setdefault(screen.name, number) if screen.name else number
+        if before != number:
+            yield Contradiction(
+                (("screens", before, "name"), ("screens", number, "name")),
+                f"[[screens]] number {number + 1}: name = {json.dumps(screen.name)} is that of "
+                f"number {before + 1}, too; give each its own",
+            )
+
+
+def _screens_on_surface(
+    surface: SurfaceSettings, screens: Sequence[ScreenSettings]
+) -> Iterator[Contradiction]:
+    for number, screen in enumerate(screens):
+        shown = f"[[screens]] number {number + 1}"
+        yield from _display_on_surface(surface, ("screens", number), shown, screen)

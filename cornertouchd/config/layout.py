@@ -7,6 +7,7 @@ from typing import Any, get_args
 
 from cornertouchd.config.output import MOST_DESTINATIONS
 from cornertouchd.config.rig import CAMERA_IDS, CONTROL_VALUES
+from cornertouchd.config.screens import MOST_SCREENS
 from cornertouchd.config.settings import Settings
 from cornertouchd.config.table import Location, Table
 
@@ -100,6 +101,8 @@ def allowed(location: Location) -> str:
         return allowed(location[:-1])
     if location == ("tuio", "destinations") or location[:-1] == ("tuio", "destinations"):
         return f"at most {MOST_DESTINATIONS} tables, each written as {header((*location[:2], 0))}"
+    if location[0] == "screens" and len(location) == 1:
+        return f"at most {MOST_SCREENS} tables, each written as {header((*location, 0))}"
     return f"a table, written as {header(location)}"
 
 

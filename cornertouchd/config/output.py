@@ -8,6 +8,9 @@ from cornertouchd.config.table import Table
 
 # Each receiver costs a packet per frame; more are better served by a relay.
 MOST_DESTINATIONS = 16
+# A name that can be part of the name of a file.
+DISPLAY_NAME = r"^[A-Za-z0-9_-]*$"
+LONGEST_DISPLAY_NAME = 32
 
 
 Origin = Annotated[str, StringConstraints(pattern=r"^(\*|null|[a-z][a-z0-9+.-]*://[!-.0-~]*)$")]
@@ -35,6 +38,14 @@ class ReceiverSettings(Table):
 class DisplaySettings(Table):
     """Where the display lies whose coordinates a receiver gets."""
 
+    display: str = Field(
+        "",
+        max_length=LONGEST_DISPLAY_NAME,
+        pattern=DISPLAY_NAME,
+        json_schema_extra={"allowed": "up to 32 letters, digits, - and _"},
+        description="Name of the display, if the surface has several: `cornertouchd calibrate "
+        "display --name NAME` finds out where it lies. Empty: the only one.",
+    )
     display_left_mm: float = Field(
         0.0,
         ge=0.0,

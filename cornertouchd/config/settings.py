@@ -2,7 +2,7 @@
 
 from typing import Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from cornertouchd.config.consistency import ContradictionError, find_contradictions
 from cornertouchd.config.led_frame import LedFrameSettings
@@ -15,6 +15,7 @@ from cornertouchd.config.rig import (
     SurfaceSettings,
 )
 from cornertouchd.config.running import RuntimeSettings
+from cornertouchd.config.screens import MOST_SCREENS, ScreenSettings
 from cornertouchd.config.stages import (
     BackgroundSettings,
     CrossingSettings,
@@ -45,6 +46,12 @@ class Settings(Table):
     touch_point: TouchPointSettings = TouchPointSettings()
     tracking: TrackingSettings = TrackingSettings()
     tuio: TuioSettings = TuioSettings()
+    screens: tuple[ScreenSettings, ...] = Field(
+        (ScreenSettings(),),
+        strict=False,  # a TOML array arrives as a list
+        max_length=MOST_SCREENS,
+        description="A touchscreen of this computer. Repeat the table for each further display.",
+    )
     monitor: MonitorSettings = MonitorSettings()
     runtime: RuntimeSettings = RuntimeSettings()
 
@@ -58,6 +65,7 @@ class Settings(Table):
             pairing=self.pairing,
             crossing=self.crossing,
             tuio=self.tuio,
+            screens=self.screens,
             monitor=self.monitor,
         )
         if found:

@@ -11,9 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from cornertouchd.calibration.calibration import Calibration, CalibrationError
-from cornertouchd.calibration.display import DisplayPlace, load_display
 from cornertouchd.calibration.file import load_calibration
-from cornertouchd.config import CameraSettings, DisplaySettings, Settings
+from cornertouchd.config import CameraSettings, Settings
 from cornertouchd.devices.camera_plug import DevicePlug
 from cornertouchd.devices.stream_hub import StreamHub
 from cornertouchd.devices.tuio_sink import TuioSink, local_address
@@ -21,19 +20,9 @@ from cornertouchd.devices.v4l2_camera import V4l2CameraPort
 from cornertouchd.model import PictureFormat
 from cornertouchd.places import state_directory
 from cornertouchd.ports import CameraPlug, CameraPort, Clock
+from cornertouchd.runtime.displays import NO_DISPLAYS, Displays, display_mapping
 from cornertouchd.runtime.tuio_receivers import make_receivers
-from cornertouchd.wire.mapping import DisplayMapping
 from cornertouchd.wire.tuio import default_source_name, seed_at
-
-DISPLAY_KEYS = {
-    "display_left_mm",
-    "display_top_mm",
-    "display_width_mm",
-    "display_height_mm",
-    "rotation_deg",
-    "mirror",
-}
-"""Settings of a destination that say where its display lies."""
 
 SAME_SURFACE_MM = 0.5
 """Two figures for the same surface, rounded by whoever measured."""
@@ -124,42 +113,15 @@ def calibration_file(settings: Settings, environ: Mapping[str, str]) -> Path:
     return Path(given) if given else state_directory(environ) / "calibration.json"
 
 
-def display_file(settings: Settings, environ: Mapping[str, str]) -> Path:
-    """Return where it is kept in which part of the surface the display lies.
-
-    Beside the calibration that this was found with: rigs of their own have displays of their own.
-    """
-    return calibration_file(settings, environ).with_name("display.json")
-
-
-def find_display(settings: Settings, environ: Mapping[str, str]) -> DisplayPlace | None:
-    """Return where the display lies, None if nobody calibrated that.  Raises `CalibrationError`.
-
-    A simulated rig has no display.
-    """
-    if settings.cameras.source == "simulated":
-        return None
-    path = display_file(settings, environ)
-    try:
-        place = load_display(path)
-    except FileNotFoundError:
-        return None
-    try:
-        place.require_on((settings.surface.width_mm, settings.surface.height_mm))
-    except CalibrationError as error:
-        raise CalibrationError(f"{path}: {error}") from None
-    return place
-
-
 def make_tuio_sink(
     settings: Settings,
     surface_mm: tuple[float, float],
     config_file: str,
-    display: DisplayPlace | None = None,
+    displays: Displays = NO_DISPLAYS,
 ) -> TuioSink:
     """Return the sink that tells all receivers of touches on a surface of this size.
 
-    `config_file` tells two daemons on one machine apart; `display` is where the display was found
+    `config_file` tells two daemons on one machine apart; `displays` are where displays were found
     to lie.
     """
     tuio = settings.tuio
@@ -172,35 +134,5 @@ def make_tuio_sink(
     )
     seed = seed_at(time.time())
     hub = StreamHub()
-    receivers = make_receivers(tuio, hub, lambda to: display_mapping(surface_mm, to, display))
+    receivers = make_receivers(tuio, hub, lambda to: display_mapping(surface_mm, to, displays))
     return TuioSink(receivers, source, seed, seed, hub=hub)
-
-
-def display_mapping(
-    surface_mm: tuple[float, float],
-    destination: DisplaySettings,
-    display: DisplayPlace | None,
-) -> DisplayMapping:
-    """Return where a receiver's display lies on a surface of this width and height.
-
-    As its settings say; if they say nothing, where `display` was found to lie.
-    """
-    here = destination.model_dump(include=DISPLAY_KEYS)
-    if display is not None and here == DisplaySettings().model_dump(include=DISPLAY_KEYS):
-        return DisplayMapping(
-            display.left_mm,
-            display.top_mm,
-            display.width_mm,
-            display.height_mm,
-            display.rotation_deg,
-            display.mirror,
-        )
-    left, top = destination.display_left_mm, destination.display_top_mm
-    return DisplayMapping(
-        left,
-        top,
-        destination.display_width_mm or surface_mm[0] - left,
-        destination.display_height_mm or surface_mm[1] - top,
-        destination.rotation_deg,
-        destination.mirror,
-    )

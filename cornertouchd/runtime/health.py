@@ -7,6 +7,7 @@ from typing import Literal, Protocol, runtime_checkable
 
 from cornertouchd import __version__
 from cornertouchd.devices.udp_destination import DestinationStatus
+from cornertouchd.devices.uinput_screen import ScreenStatus
 from cornertouchd.ports import Clock, TouchSink
 from cornertouchd.runtime.capture import CaptureCounts
 from cornertouchd.runtime.daemon import Daemon
@@ -83,6 +84,7 @@ class Health:
     version: str
     calibrated_at: str
     residual_mm: float
+    screens: tuple[ScreenStatus, ...] = ()
 
 
 @runtime_checkable
@@ -92,6 +94,16 @@ class TellsDestinations(Protocol):
     @property
     def destinations(self) -> tuple[DestinationStatus, ...]:
         """How each destination fares."""
+        ...
+
+
+@runtime_checkable
+class TellsScreens(Protocol):
+    """A sink that knows how its touchscreens fare."""
+
+    @property
+    def screens(self) -> tuple[ScreenStatus, ...]:
+        """How each touchscreen fares."""
         ...
 
 
@@ -140,6 +152,7 @@ class HealthWatch:
         fusion, counts = daemon.fusion_counts(), daemon.camera_counts()
         cameras = tuple(self._camera(name, each, span_s) for name, each in counts.items())
         destinations = _destinations(stages.fusion.sinks)
+        screens = _screens(stages.fusion.sinks)
         frame_sets_per_s = max(fusion.frame_sets - self._frame_sets, 0) / span_s
         self._frame_sets = fusion.frame_sets
         self._pictures = {name: each.frames for name, each in counts.items()}
@@ -148,7 +161,7 @@ class HealthWatch:
         return Health(
             "degraded" if problems else "healthy",
             problems,
-            tuple(self._hints(cameras, destinations)),
+            tuple(self._hints(cameras, destinations, screens)),
             up_s,
             frame_sets_per_s,
             fusion,
@@ -161,6 +174,7 @@ class HealthWatch:
             __version__,
             stages.calibration.created_at,
             stages.calibration.residual_mm,
+            screens,
         )
 
     def _last(self) -> LastFrameSet:
@@ -194,7 +208,10 @@ class HealthWatch:
         )
 
     def _hints(
-        self, cameras: Sequence[CameraHealth], destinations: Sequence[DestinationStatus]
+        self,
+        cameras: Sequence[CameraHealth],
+        destinations: Sequence[DestinationStatus],
+        screens: Sequence[ScreenStatus],
     ) -> list[str]:
         drift = self._daemon.drift
         return [
@@ -203,6 +220,7 @@ class HealthWatch:
             *(f"camera {each.id}: {columns}" for each in cameras for columns in each.blind),
             *(str(dirt) for dirt in self._daemon.dirt),
             *(f"TUIO to {to.host}:{to.port}: {to.fault}" for to in destinations if to.fault),
+            *(f"touchscreen {each.name}: {each.fault}" for each in screens if each.fault),
         ]
 
 
@@ -223,4 +241,10 @@ def _destinations(sinks: Sequence[TouchSink]) -> tuple[DestinationStatus, ...]:
         for sink in sinks
         if isinstance(sink, TellsDestinations)
         for destination in sink.destinations
+    )
+
+
+def _screens(sinks: Sequence[TouchSink]) -> tuple[ScreenStatus, ...]:
+    return tuple(
+        screen for sink in sinks if isinstance(sink, TellsScreens) for screen in sink.screens
     )

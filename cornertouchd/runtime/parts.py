@@ -6,20 +6,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cornertouchd.calibration.calibration import Calibration
-from cornertouchd.calibration.display import DisplayPlace
 from cornertouchd.calibration.file import same_calibration
 from cornertouchd.config import Settings, find_settings, read_settings
 from cornertouchd.ports import CameraPlug, CameraPort, Clock, TouchSink
 from cornertouchd.runtime.assembly import (
+    calibration_file,
     find_calibration,
-    find_display,
     make_plugs,
     make_ports,
     make_tuio_sink,
 )
+from cornertouchd.runtime.displays import Displays, find_displays
 from cornertouchd.runtime.led_light import LedLight, make_light
+from cornertouchd.runtime.screens import make_screens
 
-BEHIND_THE_SINKS = ("tuio", "monitor", "runtime")
+BEHIND_THE_SINKS = ("tuio", "screens", "monitor", "runtime")
 """Settings that no picture and no touch depends on."""
 
 
@@ -30,7 +31,7 @@ class Parts:
     path: Path | None
     settings: Settings
     calibration: Calibration
-    display: DisplayPlace | None
+    displays: Displays
     ports: Sequence[CameraPort]
     sinks: Sequence[TouchSink]
     plugs: Mapping[str, CameraPlug]
@@ -57,22 +58,26 @@ def make_parts(
     path = find_settings(config_file, environ)
     settings = read_settings(path) if path else Settings()
     calibration = find_calibration(settings, environ)
-    display = find_display(settings, environ)
+    displays = find_displays(settings, calibration_file(settings, environ))
     ports = _ports(settings, clock, before)
     alike = before is not None and (
         before.settings.tuio == settings.tuio
-        and before.display == display
+        and before.settings.screens == settings.screens
+        and before.displays == displays
         and before.calibration.surface_mm == calibration.surface_mm
     )
     sinks: Sequence[TouchSink] = (
         before.sinks
         if before is not None and alike
-        else (make_tuio_sink(settings, calibration.surface_mm, _name(path), display),)
+        else (
+            make_tuio_sink(settings, calibration.surface_mm, _name(path), displays),
+            *make_screens(settings, calibration.surface_mm, _name(path), displays),
+        )
     )
     light = before.light if before is not None else None
     if light is None or not light.fits(settings, calibration):
         light = make_light(settings, calibration)
-    return Parts(path, settings, calibration, display, ports, sinks, make_plugs(settings), light)
+    return Parts(path, settings, calibration, displays, ports, sinks, make_plugs(settings), light)
 
 
 def _name(path: Path | None) -> str:

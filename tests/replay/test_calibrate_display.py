@@ -23,7 +23,8 @@ from cornertouchd.config import (
     TuioSettings,
 )
 from cornertouchd.model import Touch, TouchFrame
-from cornertouchd.runtime.assembly import display_file, find_display, make_tuio_sink
+from cornertouchd.runtime.assembly import calibration_file, make_tuio_sink
+from cornertouchd.runtime.displays import display_file, find_displays
 from cornertouchd.wire.tuio_reader import TuioReader
 
 COMMAND = [sys.executable, "-m", "cornertouchd", "calibrate"]
@@ -48,7 +49,8 @@ def client() -> Iterator[socket.socket]:
 def test_four_taps_make_clients_hear_of_the_pictures_own_places(
     environment: dict[str, str], client: socket.socket
 ) -> None:
-    file = display_file(Settings(), environment)
+    calibration = calibration_file(Settings(), environment)
+    file = display_file(calibration)
     done = subprocess.run(
         [*COMMAND, "display", "--simulate", "--output", file],
         env=environment,
@@ -70,7 +72,7 @@ def test_four_taps_make_clients_hear_of_the_pictures_own_places(
     settings = Settings(
         cameras=CamerasSettings(source="v4l2"), tuio=TuioSettings(destinations=(destination,))
     )
-    sink = make_tuio_sink(settings, SURFACE_MM, "", find_display(settings, environment))
+    sink = make_tuio_sink(settings, SURFACE_MM, "", find_displays(settings, calibration))
     centre_left = Touch(1, place.left_mm, SURFACE_MM[1] / 2, 0.0, 0.0, 0.0)
     now_s = time.monotonic()
     sink.send(TouchFrame(now_s, (centre_left,)), now_s)
@@ -134,7 +136,8 @@ def test_what_was_found_can_be_forgotten(
     environment: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", environment["STATE_DIRECTORY"])
-    file = display_file(Settings(), environment)
+    calibration = calibration_file(Settings(), environment)
+    file = display_file(calibration)
     file.parent.mkdir()
     file.write_text("{}")
     result = CliRunner().invoke(main, ["calibrate", "display", "--forget"])

@@ -1,5 +1,6 @@
 """Every destination gets the coordinates of its display: as set, else as calibrated."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,13 +8,14 @@ import pytest
 from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.display import DisplayPlace, save_display
 from cornertouchd.config import (
-    CalibrationSettings,
     CamerasSettings,
     DestinationSettings,
+    ScreenSettings,
     Settings,
     SurfaceSettings,
+    TuioSettings,
 )
-from cornertouchd.runtime.assembly import display_file, display_mapping, find_display
+from cornertouchd.runtime.displays import display_file, display_mapping, find_displays
 from cornertouchd.wire.mapping import DisplayMapping
 
 SURFACE_MM = (600.0, 400.0)
@@ -26,17 +28,17 @@ SETTINGS = Settings(
 
 
 @pytest.fixture
-def environ(tmp_path: Path) -> dict[str, str]:
-    return {"STATE_DIRECTORY": str(tmp_path)}
+def calibration(tmp_path: Path) -> Path:
+    return tmp_path / "calibration.json"
 
 
 def test_a_destination_that_says_nothing_gets_what_was_calibrated() -> None:
     elsewhere = DestinationSettings(host="wall.example", port=4444)
-    assert display_mapping(SURFACE_MM, elsewhere, PLACE) == CALIBRATED
+    assert display_mapping(SURFACE_MM, elsewhere, {"": PLACE}) == CALIBRATED
 
 
 def test_without_a_calibration_the_display_is_the_whole_surface() -> None:
-    mapping = display_mapping(SURFACE_MM, DestinationSettings(), None)
+    mapping = display_mapping(SURFACE_MM, DestinationSettings())
     assert mapping == DisplayMapping(0.0, 0.0, 600.0, 400.0)
 
 
@@ -52,38 +54,68 @@ def test_without_a_calibration_the_display_is_the_whole_surface() -> None:
     ],
 )
 def test_settings_win(settings: DestinationSettings, mapping: DisplayMapping) -> None:
-    assert display_mapping(SURFACE_MM, settings, PLACE) == mapping
+    assert display_mapping(SURFACE_MM, settings, {"": PLACE}) == mapping
 
 
-def test_it_is_found_where_it_is_kept(environ: dict[str, str]) -> None:
-    assert find_display(SETTINGS, environ) is None
-    save_display(PLACE, display_file(SETTINGS, environ))
-    assert find_display(SETTINGS, environ) == PLACE
+def test_it_is_found_where_it_is_kept(calibration: Path) -> None:
+    assert find_displays(SETTINGS, calibration) == {}
+    save_display(PLACE, display_file(calibration))
+    assert find_displays(SETTINGS, calibration) == {"": PLACE}
 
 
-def test_it_is_kept_beside_the_calibration_that_it_belongs_to(
-    environ: dict[str, str], tmp_path: Path
+def test_it_is_kept_beside_the_calibration_that_it_belongs_to(tmp_path: Path) -> None:
+    ours, theirs = tmp_path / "calibration.json", tmp_path / "wall" / "cameras.json"
+    assert display_file(ours) == tmp_path / "display.json"
+    assert display_file(theirs) == tmp_path / "wall" / "display.json"
+    save_display(PLACE, display_file(ours))
+    assert find_displays(SETTINGS, theirs) == {}
+
+
+def test_two_displays_of_a_surface_are_kept_by_their_names(calibration: Path) -> None:
+    left, right = replace(PLACE, width_mm=250.0), replace(PLACE, left_mm=300.0, width_mm=250.0)
+    save_display(left, display_file(calibration, "left"))
+    save_display(right, display_file(calibration, "right"))
+    to_left = DestinationSettings(display="left")
+    on_right = ScreenSettings(display="right", enabled=True)
+    settings = SETTINGS.model_copy(
+        update={"tuio": TuioSettings(destinations=(to_left,)), "screens": (on_right,)}
+    )
+    displays = find_displays(settings, calibration)
+    assert displays == {"left": left, "right": right}
+    assert display_mapping(SURFACE_MM, to_left, displays).left_mm == 20.0
+    assert display_mapping(SURFACE_MM, on_right, displays).left_mm == 300.0
+
+
+def test_a_named_display_that_nobody_has_found_is_refused_with_the_remedy(
+    calibration: Path,
 ) -> None:
-    theirs = CalibrationSettings(file=str(tmp_path / "wall" / "cameras.json"))
-    wall = SETTINGS.model_copy(update={"calibration": theirs})
-    assert display_file(SETTINGS, environ) == tmp_path / "display.json"
-    assert display_file(wall, environ) == tmp_path / "wall" / "display.json"
-    save_display(PLACE, display_file(SETTINGS, environ))
-    assert find_display(wall, environ) is None
+    for wanted in (ScreenSettings(display="wall", enabled=True), ScreenSettings(display="wall")):
+        settings = SETTINGS.model_copy(update={"screens": (wanted,)})
+        if not wanted.enabled:
+            assert find_displays(settings, calibration) == {}
+            continue
+        with pytest.raises(CalibrationError, match=r"`cornertouchd calibrate display --name wall`"):
+            find_displays(settings, calibration)
 
 
-def test_a_simulated_rig_has_no_display(environ: dict[str, str]) -> None:
-    save_display(PLACE, display_file(SETTINGS, environ))
-    assert find_display(Settings(cameras=CamerasSettings(source="simulated")), environ) is None
+def test_a_named_display_whose_place_is_set_needs_no_calibration(calibration: Path) -> None:
+    wanted = ScreenSettings(display="wall", enabled=True, display_width_mm=100.0)
+    settings = SETTINGS.model_copy(update={"screens": (wanted,)})
+    assert find_displays(settings, calibration) == {}
 
 
-def test_a_damaged_one_is_refused_with_the_remedy(environ: dict[str, str]) -> None:
-    display_file(SETTINGS, environ).write_text("{")
+def test_a_simulated_rig_has_no_display(calibration: Path) -> None:
+    save_display(PLACE, display_file(calibration))
+    assert find_displays(Settings(cameras=CamerasSettings(source="simulated")), calibration) == {}
+
+
+def test_a_damaged_one_is_refused_with_the_remedy(calibration: Path) -> None:
+    display_file(calibration).write_text("{")
     with pytest.raises(CalibrationError, match=r"display.json: .*`cornertouchd calibrate display`"):
-        find_display(SETTINGS, environ)
+        find_displays(SETTINGS, calibration)
 
 
-def test_one_of_another_surface_is_refused_with_the_remedy(environ: dict[str, str]) -> None:
-    save_display(PLACE, display_file(SETTINGS, environ))
+def test_one_of_another_surface_is_refused_with_the_remedy(calibration: Path) -> None:
+    save_display(PLACE, display_file(calibration))
     with pytest.raises(CalibrationError, match=r"display.json: .*350x400 mm; run `cornertouchd"):
-        find_display(SETTINGS.model_copy(update={"surface": SurfaceSettings()}), environ)
+        find_displays(SETTINGS.model_copy(update={"surface": SurfaceSettings()}), calibration)

@@ -14,7 +14,7 @@ from cornertouchd.guiding.display_taps import DisplayTaps, TappedCorners, watch_
 from cornertouchd.guiding.finger_watch import FingerWatch
 from cornertouchd.guiding.status import Result, Step
 from cornertouchd.guiding.tapping import LIFTED_S
-from cornertouchd.runtime.assembly import display_mapping
+from cornertouchd.runtime.displays import display_mapping
 from cornertouchd.simulation.fingers import Finger
 from cornertouchd.simulation.rig import SimulatedRig
 
@@ -141,7 +141,7 @@ def test_a_turned_or_mirrored_picture_is_recognised(
     found = (place.left_mm, place.top_mm, place.width_mm, place.height_mm)
     assert found == pytest.approx((LEFT, TOP, WIDTH, HEIGHT), abs=0.5)
     assert place.residual_mm < 0.5
-    mapping = display_mapping(SURFACE_MM, DestinationSettings(), place)
+    mapping = display_mapping(SURFACE_MM, DestinationSettings(), {"": place})
     for corner, wanted in zip(order, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True):
         assert mapping.to_display(*CORNERS[corner]) == pytest.approx(wanted, abs=0.005)
 
