@@ -45,5 +45,15 @@ def test_devices_and_directories_belong_to_the_user_of_the_unit() -> None:
     groups = set(
         re.findall(r'GROUP="(\S+?)"', (ROOT / "systemd/60-cornertouchd.rules").read_text())
     )
-    assert groups == {user}
+    assert groups == {user, "uinput"}
     assert f" {user} {user}" in (ROOT / "systemd/cornertouchd.tmpfiles").read_text()
+
+
+def test_only_the_addition_to_the_units_opens_the_way_to_input_devices() -> None:
+    addition = (ROOT / "systemd/screens.conf").read_text().splitlines()
+    assert {"SupplementaryGroups=uinput", "DeviceAllow=/dev/uinput rw"} <= set(addition)
+    for unit in ("cornertouchd.service", "cornertouchd@.service"):
+        assert not any("/dev/uinput" in line for line in unit_lines(unit) if line[0:1] != "#")
+    assert "g uinput -" in (ROOT / "systemd/cornertouchd.sysusers").read_text().splitlines()
+    installed = (ROOT / "packaging/debian/cornertouchd.install").read_text()
+    assert "systemd/screens.conf usr/share/cornertouchd" in installed
