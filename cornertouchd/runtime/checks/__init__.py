@@ -9,6 +9,7 @@ from cornertouchd.runtime.checks.files import calibration_of, disk_of, kernels_o
 from cornertouchd.runtime.checks.installation import Installation
 from cornertouchd.runtime.checks.led_frame import led_frame_of
 from cornertouchd.runtime.checks.machine import clock_of, groups_of, real_time_of, service_of
+from cornertouchd.runtime.checks.screens import screens_of
 from cornertouchd.runtime.checks.targets import targets_of
 
 CHECKS: dict[str, Callable[[Installation], Iterator[Finding]]] = {
@@ -19,6 +20,7 @@ CHECKS: dict[str, Callable[[Installation], Iterator[Finding]]] = {
     "LED frame": led_frame_of,
     "calibration": calibration_of,
     "TUIO": targets_of,
+    "touchscreens": screens_of,
     "real time": real_time_of,
     "clock": clock_of,
     "kernels": kernels_of,
