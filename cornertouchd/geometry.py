@@ -109,3 +109,23 @@ def is_in_view(
         return True
     angle_rad = math.atan2(y_mm - eye_mm[1], x_mm - eye_mm[0])
     return (angle_rad - first_rad) % (2.0 * math.pi) <= last_rad - first_rad
+
+
+def homography_between(points: FloatArray, images: FloatArray) -> FloatArray:
+    """Return the projective map (3, 3) that takes four points (4, 2) to their images (4, 2).
+
+    Raises `numpy.linalg.LinAlgError` if three of the points or of the images lie on a line.
+    """
+    rows = []
+    for (x, y), (u, v) in zip(points.tolist(), images.tolist(), strict=True):
+        rows.append([x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y])
+        rows.append([0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y])
+    return np.append(np.linalg.solve(np.array(rows), images.ravel()), 1.0).reshape(3, 3)
+
+
+def is_convex(corners: FloatArray) -> bool:
+    """Tell whether the sides (N, 2) between corners, one after the other, turn one way only."""
+    sides = np.roll(corners, -1, axis=0) - corners
+    after = np.roll(sides, -1, axis=0)
+    turns = sides[:, 0] * after[:, 1] - sides[:, 1] * after[:, 0]
+    return bool(np.all(turns > 0.0) or np.all(turns < 0.0))

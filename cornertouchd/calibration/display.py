@@ -1,16 +1,17 @@
 """Where the picture of a display lies on the surface, from taps on its four corners."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, FiniteFloat
+from pydantic import Field, FiniteFloat, field_validator
 
 from cornertouchd.calibration.atomic_file import replace_file
 from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.sealed_json import SealedFile, read_bounded, seal, unseal
+from cornertouchd.geometry import homography_between, is_convex
 from cornertouchd.model import BoolArray, FloatArray
 
 CORNERS = ("top-left", "top-right", "bottom-right", "bottom-left")
@@ -35,6 +36,9 @@ REMEDY = "run `cornertouchd calibrate display`"
 # The corners of a picture in its own coordinates: x right, y down, 0..1.
 _PICTURE = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 
+Corners = tuple[tuple[float, float], ...]
+"""Of a picture on the surface, in the order of `CORNERS`, in millimetres."""
+
 Rotation = Literal[0, 90, 180, 270]
 _ROTATIONS: tuple[Rotation, ...] = (0, 90, 180, 270)
 
@@ -47,7 +51,9 @@ class DisplayPlace:
     """The rectangle that the picture fills, along the sides of the surface, and how it lies in it.
 
     `rotation_deg` and `mirror` are those of `wire.mapping.DisplayMapping`.  `residual_mm` is the
-    RMS distance of the taps from their targets, `created_at` UTC in ISO 8601.
+    RMS distance of the taps from their targets, `created_at` UTC in ISO 8601.  `corners_mm` are
+    those of a picture that is no such rectangle, in the order of `CORNERS`; the rest then says
+    which one comes nearest.
     """
 
     left_mm: float
@@ -58,17 +64,50 @@ class DisplayPlace:
     mirror: bool
     created_at: str
     residual_mm: float
+    corners_mm: Corners | None = None
 
     def require_on(self, surface_mm: tuple[float, float]) -> None:
         """Raise `CalibrationError` unless the picture lies on a surface of this size."""
         right_mm, bottom_mm = self.left_mm + self.width_mm, self.top_mm + self.height_mm
-        beyond_mm = (right_mm - surface_mm[0], bottom_mm - surface_mm[1])
-        if max(-self.left_mm, -self.top_mm, *beyond_mm) > LARGEST_OVERHANG_MM:
+        corners = self.corners_mm or ((self.left_mm, self.top_mm), (right_mm, bottom_mm))
+        if _overhang_mm(np.array(corners), surface_mm) > LARGEST_OVERHANG_MM:
             raise CalibrationError(
                 f"the display lies at {self.left_mm:.0f}, {self.top_mm:.0f} mm and is "
                 f"{self.width_mm:.0f}x{self.height_mm:.0f} mm, the surface is "
                 f"{surface_mm[0]:g}x{surface_mm[1]:g} mm; {REMEDY}"
             )
+
+
+def fit_perspective(
+    points_mm: FloatArray,
+    surface_mm: tuple[float, float],
+    inset_share: float,
+    created_at: str,
+) -> DisplayPlace:
+    """Return where a picture lies that may be turned by any angle, or be a trapezium.
+
+    As `fit_display`, but four taps fix it wholly, so that none of them can be found wrong unless
+    they are not the corners of a convex quadrangle.
+    """
+    points = _four(points_mm)
+    targets = inset_share + (1 - 2 * inset_share) * _PICTURE
+    if not is_convex(points):
+        raise CalibrationError(
+            f"the taps do not go around a picture: tap {', '.join(CORNERS)}, in this order"
+        )
+    corners = _through(homography_between(targets, points), _PICTURE)
+    best = _best_fit(points, inset_share, np.full(4, True))
+    if not is_convex(corners) or min(best.size_mm) < SMALLEST_SIDE_MM:
+        raise CalibrationError(
+            "the taps are too near to each other; tap the corners of the picture"
+        )
+    place = replace(
+        _place(best, created_at),
+        residual_mm=0.0,
+        corners_mm=tuple((round(x, DIGITS), round(y, DIGITS)) for x, y in corners.tolist()),
+    )
+    place.require_on(surface_mm)
+    return place
 
 
 def fit_display(
@@ -83,9 +122,7 @@ def fit_display(
     Raises `CalibrationError` unless the taps are the corners of a rectangle along the sides of the
     surface: it says which corner is off, or by how much the picture is turned.
     """
-    points = np.asarray(points_mm, np.float64)
-    if points.shape != (4, 2) or not np.isfinite(points).all():
-        raise CalibrationError("four taps are needed, one on each corner of the picture")
+    points = _four(points_mm)
     best = _best_fit(points, inset_share, np.full(4, True))
     if np.max(best.off_mm) > LARGEST_OFF_MM:
         raise CalibrationError(_explain(points, best, inset_share))
@@ -94,7 +131,31 @@ def fit_display(
             f"one side of the picture is but {abs(min(best.size_mm)):.0f} mm long, "
             f"{SMALLEST_SIDE_MM:.0f} mm at least are needed; tap the corners of the picture"
         )
-    place = DisplayPlace(
+    place = _place(best, created_at)
+    place.require_on(surface_mm)
+    return place
+
+
+def _overhang_mm(corners: FloatArray, surface_mm: tuple[float, float]) -> float:
+    """Return how far corners (N, 2) lie beyond a surface, below 0 if they do not."""
+    return float(max(-corners.min(), *(corners.max(axis=0) - surface_mm)))
+
+
+def _four(points_mm: FloatArray) -> FloatArray:
+    points = np.asarray(points_mm, np.float64)
+    if points.shape != (4, 2) or not np.isfinite(points).all():
+        raise CalibrationError("four taps are needed, one on each corner of the picture")
+    return points
+
+
+def _through(homography: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the images of points (N, 2)."""
+    images = np.column_stack([points, np.ones(len(points))]) @ homography.T
+    return images[:, :2] / images[:, 2:]
+
+
+def _place(best: "_Fit", created_at: str) -> DisplayPlace:
+    return DisplayPlace(
         round(best.corner_mm[0], DIGITS),
         round(best.corner_mm[1], DIGITS),
         round(best.size_mm[0], DIGITS),
@@ -104,8 +165,6 @@ def fit_display(
         created_at,
         round(best.rms_mm, DIGITS),
     )
-    place.require_on(surface_mm)
-    return place
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +227,7 @@ def _explain(points: FloatArray, best: _Fit, inset_share: float) -> str:
         direction = "clockwise" if turn_rad > 0 else "anticlockwise"
         return (
             f"the picture is turned {direction} by {abs(np.rad2deg(turn_rad)):.1f} degrees against "
-            "the surface: straighten the display in the frame and tap again"
+            "the surface: straighten the display in the frame and tap again, or add --perspective"
         )
     without = [_best_fit(points, inset_share, np.arange(4) != corner) for corner in range(4)]
     agreement_mm = [
@@ -202,10 +261,11 @@ class _DisplayFile(SealedFile):
     """Where a picture lies on the surface."""
 
     FORMAT: ClassVar[str] = "cornertouchd-display"
-    VERSION: ClassVar[int] = 1
+    VERSION: ClassVar[int] = 2
+    OLDER: ClassVar[tuple[int, ...]] = (1,)
 
     format: Literal["cornertouchd-display"]
-    version: Literal[1]
+    version: Literal[1, 2]
     left_mm: _Place
     top_mm: _Place
     width_mm: _Length
@@ -214,6 +274,16 @@ class _DisplayFile(SealedFile):
     mirror: bool
     created_at: str = Field(max_length=64)
     residual_mm: FiniteFloat = Field(ge=0.0)
+    corners_mm: tuple[tuple[_Place, _Place], ...] | None = Field(
+        None, min_length=4, max_length=4, strict=False
+    )
+
+    @field_validator("corners_mm")
+    @classmethod
+    def _refuse_what_is_no_picture(cls, corners: Corners | None) -> Corners | None:
+        if corners is not None and not is_convex(np.array(corners)):
+            raise ValueError("not the corners of a picture")
+        return corners
 
 
 def save_display(place: DisplayPlace, path: Path) -> None:
@@ -254,4 +324,5 @@ def load_display(path: Path) -> DisplayPlace:
         file.mirror,
         file.created_at,
         file.residual_mm,
+        file.corners_mm,
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from cornertouchd.calibration.display import fit_display, save_display
+from cornertouchd.calibration.display import fit_display, fit_perspective, save_display
 from cornertouchd.cli.following import follow
 from cornertouchd.cli.guided_rig import guided_rig
 from cornertouchd.cli.targets import FiniteRange
@@ -37,6 +37,11 @@ _PATH = click.Path(path_type=Path)
     callback=lambda _context, _option, name: _checked(name),
     help="Name of the display, if the surface has several; as `display` of who is to have it.",
 )
+@click.option(
+    "--perspective",
+    is_flag=True,
+    help="The picture may be turned a little, or a trapezium as projectors throw it.",
+)
 @click.option("--output", type=_PATH, help="File; else display.json in the state directory.")
 @click.option("--simulate", is_flag=True, help="On the simulated rig.")
 @click.option("--finger", type=_PATH, help="With --simulate: as for `cornertouchd calibrate`.")
@@ -45,6 +50,7 @@ def display(
     config_file: Path | None,
     inset: float,
     name: str,
+    perspective: bool,
     output: Path | None,
     simulate: bool,
     finger: Path | None,
@@ -75,7 +81,8 @@ def display(
     if not isinstance(tapped, TappedCorners):
         raise click.ClickException("stopped; nothing was saved")
     surface_mm = (settings.surface.width_mm, settings.surface.height_mm)
-    place = fit_display(tapped.places_mm, surface_mm, inset, stamp_now().created_at)
+    fit = fit_perspective if perspective else fit_display
+    place = fit(tapped.places_mm, surface_mm, inset, stamp_now().created_at)
     save_display(place, output)
     mirrored = ", mirrored" if place.mirror else ""
     click.echo(

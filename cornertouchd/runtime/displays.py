@@ -78,6 +78,7 @@ def display_mapping(
             place.height_mm,
             place.rotation_deg,
             place.mirror,
+            place.corners_mm,
         )
     left, top = given.display_left_mm, given.display_top_mm
     return DisplayMapping(

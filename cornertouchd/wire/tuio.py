@@ -196,7 +196,9 @@ class TuioSession:
     def _advance(self, touch: Touch, before: Cursor | None, elapsed_s: float) -> Cursor:
         """Return what to tell of a touch, given what was told of it `elapsed_s` ago."""
         x, y = self._mapping.to_display(touch.x_mm, touch.y_mm)
-        x_speed, y_speed = self._mapping.velocity_to_display(touch.vx_mm_s, touch.vy_mm_s)
+        x_speed, y_speed = self._mapping.velocity_to_display(
+            touch.vx_mm_s, touch.vy_mm_s, touch.x_mm, touch.y_mm
+        )
         if abs(x_speed) + abs(y_speed) > _MAX_FLOAT32:
             x_speed, y_speed = _to_float32(x_speed), _to_float32(y_speed)
         if before is None:

@@ -13,9 +13,14 @@ from cornertouchd.calibration.calibration import CalibrationError
 from cornertouchd.calibration.display import (
     DisplayPlace,
     fit_display,
+    fit_perspective,
     load_display,
     save_display,
 )
+from cornertouchd.calibration.sealed_json import seal
+from cornertouchd.config import DestinationSettings
+from cornertouchd.geometry import homography_between
+from cornertouchd.runtime.displays import display_mapping
 from cornertouchd.wire.mapping import DisplayMapping
 
 SURFACE_MM = (600.0, 400.0)
@@ -159,3 +164,59 @@ class TestTheFile:
         saved.write_text(json.dumps(json.loads(saved.read_text()) | {key: value}))
         with pytest.raises(CalibrationError, match=rf"display.json: {key} = "):
             load_display(saved)
+
+
+TRAPEZIUM = ((40.0, 30.0), (560.0, 45.0), (575.0, 380.0), (22.0, 371.0))
+
+
+@pytest.mark.parametrize("inset_share", [0.0, 0.1])
+def test_a_trapezium_is_found_by_its_corners(tmp_path: Path, inset_share: float) -> None:
+    mapping = DisplayMapping(0.0, 0.0, 600.0, 400.0, corners_mm=TRAPEZIUM)
+    picture = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    homography = homography_between(picture, np.array(TRAPEZIUM))
+    targets = np.column_stack([inset_share + (1 - 2 * inset_share) * picture, np.ones(4)])
+    taps = targets @ homography.T
+    place = fit_perspective(taps[:, :2] / taps[:, 2:], (600.0, 400.0), inset_share, "now")
+    assert place.corners_mm is not None
+    assert np.array(place.corners_mm) == pytest.approx(np.array(TRAPEZIUM), abs=0.02)
+    save_display(place, tmp_path / "display.json")
+    again = load_display(tmp_path / "display.json")
+    assert again == place
+    found = display_mapping((600.0, 400.0), DestinationSettings(), {"": again})
+    for place_mm in ((100.0, 100.0), (300.0, 200.0), (500.0, 350.0)):
+        wanted = mapping.to_display(*place_mm)
+        assert found.to_display(*place_mm) == pytest.approx(wanted, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("taps", "told"),
+    [
+        ((TRAPEZIUM[0], TRAPEZIUM[2], TRAPEZIUM[1], TRAPEZIUM[3]), "go around a picture"),
+        (((0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 9.0)), "too near to each other"),
+        (((-30.0, 0.0), (500.0, 0.0), (500.0, 300.0), (0.0, 300.0)), "calibrate display"),
+        (TRAPEZIUM[:3], "four taps"),
+    ],
+)
+def test_taps_that_are_of_no_trapezium_on_the_surface_are_refused(
+    taps: tuple[tuple[float, float], ...], told: str
+) -> None:
+    with pytest.raises(CalibrationError, match=told):
+        fit_perspective(np.array(taps), (600.0, 400.0), 0.0, "now")
+
+
+def test_a_file_of_the_first_version_is_read(tmp_path: Path) -> None:
+    content = {
+        "format": "cornertouchd-display",
+        "version": 1,
+        "left_mm": 10.0,
+        "top_mm": 20.0,
+        "width_mm": 300.0,
+        "height_mm": 200.0,
+        "rotation_deg": 0,
+        "mirror": False,
+        "created_at": "now",
+        "residual_mm": 0.5,
+    }
+    (tmp_path / "display.json").write_bytes(seal(content))
+    place = load_display(tmp_path / "display.json")
+    assert (place.width_mm, place.corners_mm) == (300.0, None)
