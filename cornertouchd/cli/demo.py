@@ -19,6 +19,7 @@ from cornertouchd.runtime.asking import SOCKET_NAME, AskSocket
 from cornertouchd.runtime.assembly import find_calibration, make_ports, make_tuio_sink
 from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.daemon import Daemon
+from cornertouchd.runtime.displays import NO_DISPLAYS
 from cornertouchd.runtime.health import LOOK_EVERY_S, Health, HealthWatch
 from cornertouchd.runtime.log_tail import LogTail
 from cornertouchd.runtime.monitor_process import MonitorProcess, page_options
@@ -79,7 +80,7 @@ def demo(
             f"TUIO to {host}:{port}; see it with `cornertouchd listen`; Ctrl-C ends", err=True
         )
         health = HealthWatch(daemon, clock)
-        answers = answers_of(daemon, health, log, "", lambda: None, clock)
+        answers = answers_of(daemon, health, log, "", lambda: NO_DISPLAYS, clock)
         socket = runtime_directory(os.environ) / SOCKET_NAME
         options = page_options(settings, socket, os.environ)
         with (

@@ -21,8 +21,9 @@ from cornertouchd.devices.camera_survey import survey_cameras
 from cornertouchd.devices.recording_writer import RecordingWriter
 from cornertouchd.errors import ReportedError
 from cornertouchd.runtime.asking import read_document
-from cornertouchd.runtime.assembly import calibration_file, display_file
+from cornertouchd.runtime.assembly import calibration_file
 from cornertouchd.runtime.checks.installation import environment_of, output_of, unit_for
+from cornertouchd.runtime.displays import display_file
 from cornertouchd.runtime.kept_recorder import KeptRecorder
 from cornertouchd.runtime.support_report import Files, Part, blanked
 
@@ -39,13 +40,11 @@ def parts_of(
 ) -> tuple[Part, ...]:
     """Return the parts of a report; `daemon` is its socket, None if none runs."""
     unit = unit_for(config_file)
-    environ = environment_of(unit, os.environ)
+    calibration = calibration_file(settings, environment_of(unit, os.environ))
     return (
         Part("configuration, tokens left out", lambda: _configuration(config_file)),
-        Part("calibration", lambda: _file(calibration_file(settings, environ), "calibration.json")),
-        Part(
-            "place of the display", lambda: _file(display_file(settings, environ), "display.json")
-        ),
+        Part("calibration", lambda: _file(calibration, "calibration.json")),
+        Part("places of displays", lambda: _displays(calibration)),
         Part("how the daemon does", lambda: _told(daemon, "status")),
         Part("what the daemon is", lambda: _told(daemon, "hello")),
         Part("its last log lines", lambda: _log(daemon)),
@@ -65,6 +64,13 @@ def _configuration(path: Path | None) -> Files:
     if path is None:
         raise MissingError("none: every setting at its default")
     yield "cornertouchd.toml", blanked(path.read_text(encoding="utf-8")).encode()
+
+
+def _displays(calibration: Path) -> Files:
+    only = display_file(calibration)
+    found = [only, *sorted(calibration.parent.glob(display_file(calibration, "*").name))]
+    for path in [path for path in found if path.exists()] or [only]:
+        yield from _file(path, path.name)
 
 
 def _file(path: Path, name: str) -> Files:

@@ -71,7 +71,7 @@ def run(config_file: Path | None) -> None:
         report = ServiceReport(manager, daemon, health, clock)
         reload = Reload(daemon, parts, make)
         answers = answers_of(
-            daemon, health, log, config_name(parts.path), lambda: reload.parts.display, clock
+            daemon, health, log, config_name(parts.path), lambda: reload.parts.displays, clock
         )
         socket = runtime_directory(os.environ) / SOCKET_NAME
         with (

@@ -22,6 +22,11 @@ UNITS = {
     "_s": "s",
     "_deg": "degrees",
 }
+# How often a table may be repeated.
+MOST_TABLES: Mapping[Location, int] = {
+    ("tuio", "destinations"): MOST_DESTINATIONS,
+    ("screens",): MOST_SCREENS,
+}
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 # Longer values are cut in messages: enough to recognise, and one line in a terminal.
 LONGEST_SHOWN = 60
@@ -99,10 +104,9 @@ def allowed(location: Location) -> str:
         return "a host name in quotes"
     if isinstance(location[-1], int) and location[-2] in {"profiles", "origins"}:
         return allowed(location[:-1])
-    if location == ("tuio", "destinations") or location[:-1] == ("tuio", "destinations"):
-        return f"at most {MOST_DESTINATIONS} tables, each written as {header((*location[:2], 0))}"
-    if location[0] == "screens" and len(location) == 1:
-        return f"at most {MOST_SCREENS} tables, each written as {header((*location, 0))}"
+    for tables, most in MOST_TABLES.items():
+        if tables in {location, location[:-1]}:
+            return f"at most {most} tables, each written as {header((*tables, 0))}"
     return f"a table, written as {header(location)}"
 
 

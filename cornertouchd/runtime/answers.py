@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
-from cornertouchd.calibration.display import DisplayPlace
 from cornertouchd.ports import Clock
 from cornertouchd.runtime.asking import Answer, document
 from cornertouchd.runtime.daemon import Daemon
+from cornertouchd.runtime.displays import Displays
 from cornertouchd.runtime.health import HealthWatch, as_json
 from cornertouchd.runtime.hello import hello
 from cornertouchd.runtime.kept_stream import pictures_of
@@ -18,13 +18,13 @@ def answers_of(
     health: HealthWatch,
     log: LogTail,
     configuration: str,
-    display: Callable[[], DisplayPlace | None],
+    displays: Callable[[], Displays],
     clock: Clock,
 ) -> dict[str, Answer]:
     """Return every answer by the name that it is asked for by.  See `hello` for the others."""
     return {
         "status": document(lambda: as_json(health.tell())),
-        "hello": document(lambda: hello(daemon, configuration, display)),
+        "hello": document(lambda: hello(daemon, configuration, displays)),
         "log": document(log.as_json),
         "pictures": pictures_of(daemon, clock),
         "live": MonitorFeed(daemon, clock),

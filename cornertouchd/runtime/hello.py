@@ -6,9 +6,8 @@ from dataclasses import asdict
 from typing import Any, Protocol, runtime_checkable
 
 from cornertouchd import __version__
-from cornertouchd.calibration.display import DisplayPlace
-from cornertouchd.runtime.assembly import display_mapping
 from cornertouchd.runtime.daemon import Daemon, DaemonStages
+from cornertouchd.runtime.displays import Displays, display_mapping
 
 
 @runtime_checkable
@@ -21,14 +20,14 @@ class HasSource(Protocol):
         ...
 
 
-def hello(daemon: Daemon, configuration: str, display: Callable[[], DisplayPlace | None]) -> bytes:
+def hello(daemon: Daemon, configuration: str, displays: Callable[[], Displays]) -> bytes:
     """Return as JSON what a viewer has to know before it is told of moments.
 
-    `configuration` is its file, empty for the defaults; `display` tells where the display was
-    found to lie.
+    `configuration` is its file, empty for the defaults; `displays` tells where displays were found
+    to lie.
     """
     stages = daemon.stages
-    place = display()
+    found = displays()
     said = {
         "version": __version__,
         "configuration": configuration,
@@ -36,12 +35,12 @@ def hello(daemon: Daemon, configuration: str, display: Callable[[], DisplayPlace
         "rate_hz": stages.settings.cameras.rate_hz,
         "source_name": next(_sources(stages), ""),
         "cameras": [_camera(stages, port.id) for port in stages.ports],
-        "display": None if place is None else asdict(place),
+        "display": asdict(found[""]) if "" in found else None,
         "destinations": [
             {
                 "host": to.host,
                 "port": to.port,
-                "display": asdict(display_mapping(stages.calibration.surface_mm, to, place)),
+                "display": asdict(display_mapping(stages.calibration.surface_mm, to, found)),
             }
             for to in stages.settings.tuio.destinations
         ],

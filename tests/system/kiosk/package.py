@@ -82,7 +82,8 @@ def _build(files: list[str], package: Path) -> None:
     if missing:
         raise KioskError(
             f"the package cannot be built without {', '.join(missing)}: apt-get install "
-            "avr-libc build-essential debhelper dh-virtualenv gcc-avr help2man python3-venv"
+            "avr-libc build-essential debhelper dh-virtualenv gcc-avr help2man python3-dev "
+            "python3-venv"
         )
     with tempfile.TemporaryDirectory(prefix="kiosk-package-") as work:
         for name in files:
