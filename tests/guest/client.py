@@ -66,6 +66,11 @@ class TuioClient:
         number = bisect_right(self._times_s, time_s) - 1
         return self._shown[number] if number >= 0 else {}
 
+    def frames_since(self, time_s: float) -> list[tuple[float, Touches]]:
+        """Return what the client showed after each datagram from a time on."""
+        first = bisect_right(self._times_s, time_s)
+        return list(zip(self._times_s[first:], self._shown[first:], strict=False))
+
     def shown_between(self, first_s: float, last_s: float) -> Iterator[tuple[float, Touches]]:
         """Yield what the client showed from step to step."""
         time_s = first_s

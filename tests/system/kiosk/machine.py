@@ -28,7 +28,8 @@ SUITE, PYTHON = "bookworm", "3.11"
 PACKAGES = (
     *("systemd", "systemd-sysv", "udev", "dbus", "kmod", "procps", "iproute2", "adduser"),
     *("python3", "python3-venv", "python3-pip", "init-system-helpers", "busybox", "strace", "sudo"),
-    *("v4l-utils", "usbutils", "libusb-1.0-0", "libinput-tools", "evtest"),
+    *("v4l-utils", "usbutils", "libusb-1.0-0", "libinput-tools", "evtest", "python3-evdev"),
+    *("xserver-xorg-core", "xserver-xorg-video-dummy", "xserver-xorg-input-libinput", "chromium"),
 )
 TEST_PACKAGES = ("pytest", "pytest-timeout", "pytest-xdist", "hypothesis")
 PYTHON_FOLDER = f"usr/local/lib/python{PYTHON}/dist-packages"
