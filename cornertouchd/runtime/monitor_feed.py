@@ -1,8 +1,10 @@
 """What the live page is told, while somebody looks: the answer to "live" at the daemon's socket."""
 
 from collections.abc import Iterator
+from math import inf
 
-from cornertouchd.model import DirectingLines
+from cornertouchd.fusion.ghosts import find_ghosts
+from cornertouchd.model import Contact, DirectingLines
 from cornertouchd.pipeline import PictureError, line_tables
 from cornertouchd.ports import Clock
 from cornertouchd.runtime.asking import Asker
@@ -15,6 +17,9 @@ MOMENTS_PER_S = 60.0
 
 STRIP_EVERY_S = 0.1
 """Ten strips a second look alive; each is forty kilobytes."""
+
+GHOSTS_EVERY_S = 0.1
+"""A look for them takes a millisecond with a handful of touches, and nobody acts on them."""
 
 
 class MonitorFeed:
@@ -48,6 +53,8 @@ class LiveStream:
     def __init__(self, daemon: Daemon) -> None:
         self._daemon = daemon
         self._moment: Moment | None = None
+        self._ghosts: tuple[Contact, ...] = ()
+        self._ghosts_at_s = -inf
         self._strip_due_at_s: dict[str, float] = {}
         self._strip_at_s: dict[str, float] = {}
         self._use(daemon.stages)
@@ -60,7 +67,7 @@ class LiveStream:
         moment = self._daemon.moment
         if moment is not None and moment is not self._moment:
             self._moment = moment
-            yield encode_moment(moment, list(self._directing_lines(moment)))
+            yield self._encoded(moment)
         if wants_strips:
             yield from self._strips(now_s)
 
@@ -68,7 +75,17 @@ class LiveStream:
         self._stages = stages
         self._numbers = {port.id: number for number, port in enumerate(stages.ports)}
         self._lines = line_tables(stages.calibration)
+        self._surface_mm = stages.calibration.surface_mm
         self._edge_sigma_px = stages.settings.crossing.edge_sigma_px
+
+    def _encoded(self, moment: Moment) -> bytes:
+        lines = dict(self._directing_lines(moment))
+        at_s = moment.frame_set.captured_at_s
+        if not 0.0 <= at_s - self._ghosts_at_s < GHOSTS_EVERY_S:
+            found = find_ghosts(tuple(lines.values()), moment.contacts, self._surface_mm)
+            self._ghosts, self._ghosts_at_s = found, at_s
+        refused = (*moment.refused, *self._ghosts)
+        return encode_moment(moment._replace(refused=refused), tuple(lines.items()))
 
     def _directing_lines(self, moment: Moment) -> Iterator[tuple[int, DirectingLines]]:
         for seen in moment.frame_set.observations:

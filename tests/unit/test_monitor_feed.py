@@ -45,7 +45,7 @@ class FakeDaemon:
     def new_stages(self) -> Any:
         return SimpleNamespace(
             ports=[SimpleNamespace(id="C1"), SimpleNamespace(id="C2")],
-            calibration=SimpleNamespace(cameras=()),
+            calibration=SimpleNamespace(cameras=(), surface_mm=(350.0, 400.0)),
             settings=SimpleNamespace(crossing=SimpleNamespace(edge_sigma_px=0.1)),
             captures={name: SimpleNamespace(pipeline=FakePipeline()) for name in ("C1", "C2")},
             kept=SimpleNamespace(latest=self.pictures.get),
