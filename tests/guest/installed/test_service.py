@@ -14,8 +14,10 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -194,6 +196,59 @@ def test_the_memory_stays_far_below_the_limit(service: str) -> None:
     (limit,) = shows(UNIT, "MemoryMax")
     print(f"\n  memory: {peak_bytes >> 20} MiB of {int(limit) >> 20}")
     assert peak_bytes < int(limit) / 1.5
+
+
+def page_pid() -> int:
+    """The process of the live page, 0 while there is none."""
+    found = subprocess.run(
+        ("pgrep", "-P", str(main_pid()), "-f", "cornertouchd[.]monitor"),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return int(found.stdout or 0)
+
+
+def page(path: str, data: bytes | None = None) -> dict[str, Any]:
+    headers = {"Origin": "http://127.0.0.1:8333"}
+    asked = urllib.request.Request(f"http://127.0.0.1:8333{path}", data, headers)
+    with urllib.request.urlopen(asked, timeout=PATIENCE_S) as answer:
+        told: dict[str, Any] = json.loads(answer.read())
+        return told
+
+
+def test_the_live_page_is_served_from_the_sandbox_and_lets_the_daemon_go_first(
+    service: str,
+) -> None:
+    wait_until(lambda: "live page: http://127.0.0.1:8333/" in journal(), "the page")
+    assert len(page("/api/health")["cameras"]) == 4
+    process = Path(f"/proc/{page_pid()}")
+    assert os.getpriority(os.PRIO_PROCESS, page_pid()) == 10
+    assert (process / "oom_score_adj").read_text() == "1000\n"
+    assert re.search(r"^Seccomp:\s+2", (process / "status").read_text(), re.MULTILINE)
+
+
+def test_a_viewer_saves_what_just_happened_into_the_state_directory(service: str) -> None:
+    CONFIG.write_text(f"{CONFIG.read_text()}[monitor]\nallow_actions = true\n")
+    run("systemctl", "reload", UNIT)
+    wait_until(lambda: journal().count("live page: http") == 2, "the page with another right")
+    saved = page("/api/save", b'{"last_s": 3}')
+    assert Path(saved["path"]).parent == STATE / "recordings"
+    assert (Path(saved["path"]) / "recording.json").exists()
+    write_config()
+    run("systemctl", "reload", UNIT)
+
+
+def test_a_page_that_is_killed_returns_and_the_daemon_goes_on(service: str) -> None:
+    pid, killed = main_pid(), wait_for_page()
+    os.kill(killed, signal.SIGKILL)
+    wait_until(lambda: page_pid() not in {0, killed}, "another page")
+    assert main_pid() == pid
+
+
+def wait_for_page() -> int:
+    wait_until(lambda: page_pid() > 0, "the page")
+    return page_pid()
 
 
 def test_a_daemon_that_hangs_is_aborted_and_returns(service: str, client: Listener) -> None:
