@@ -99,8 +99,9 @@ class Page:
         except (ConnectionError, asyncio.CancelledError):
             raise
         except Exception as error:  # noqa: BLE001  others go on looking
-            if repr(error) not in self._failed:
-                self._failed.add(repr(error))
+            kind = type(error).__name__
+            if kind not in self._failed:
+                self._failed.add(kind)
                 _log.exception("live page: %s failed", request.path)
             return _error(500, "this has failed; the log of the daemon says why")
 

@@ -22,6 +22,7 @@ from monitor.conftest import (
 )
 
 from cornertouchd.monitor.access import Access
+from cornertouchd.monitor.app import HEARTBEAT_S
 from cornertouchd.monitor.options import PageOptions
 
 TOKEN = "0123456789abcdef"
@@ -181,6 +182,16 @@ def test_twenty_viewers_one_of_them_stopped_cost_no_frame_set_and_no_memory(demo
     lost_before = demo.metric("cornertouchd_page_messages_lost_total")
     view(demo, scenario)
     assert demo.metric("cornertouchd_page_messages_lost_total") > lost_before + 100
+
+
+def test_a_viewer_who_has_stopped_loses_his_place(demo):
+    """No answer to a ping: the browser is gone without a word, or its machine sleeps."""
+    viewers = "cornertouchd_page_viewers"
+    with asyncio.run(_stopped_viewer(demo)):
+        wait_until(lambda: demo.metric("cornertouchd_page_viewers") == 1, "the viewer")
+        wait_until(
+            lambda: demo.metric("cornertouchd_page_viewers") == 0, "his end", 2 * HEARTBEAT_S
+        )
 
 
 async def _stopped_viewer(demo: RunningDaemon) -> socket.socket:
