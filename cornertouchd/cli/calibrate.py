@@ -25,7 +25,16 @@ from cornertouchd.runtime.assembly import calibration_file
 _PATH = click.Path(path_type=Path)
 
 RECORDINGS = {"taps", "points", "scribble", "empty", "boards"}
-GUIDED = {"simulate", "finger", "taps_wanted", "anew", "no_check", "limit_mm", "strip_picture"}
+GUIDED = {
+    "simulate",
+    "finger",
+    "taps_wanted",
+    "anew",
+    "no_check",
+    "limit_mm",
+    "strip_picture",
+    "page",
+}
 ALONE = {"rollback", "schema", "print_board"}
 
 
@@ -81,6 +90,9 @@ ALONE = {"rollback", "schema", "print_board"}
     "225 (lookup-table), 4 (reconstruction).",
 )
 @click.option("--anew", is_flag=True, help="Guided: forget taps of a session that was stopped.")
+@click.option(
+    "--page", is_flag=True, help="Guided: show what to do in browsers, too, where the live page is."
+)
 @click.option("--no-check", is_flag=True, help="Guided: without the five fresh taps at the end.")
 @click.option(
     "--limit-mm",
@@ -113,6 +125,7 @@ def calibrate(
     finger: Path | None,
     taps_wanted: int | None,
     anew: bool,
+    page: bool,
     no_check: bool,
     limit_mm: float,
     rollback: bool,
@@ -168,6 +181,7 @@ def calibrate(
             limit_mm=limit_mm,
             check=not no_check,
             anew=anew,
+            page=page,
             error_map=error_map,
             strip_picture=strip_picture,
             simulate=simulate,

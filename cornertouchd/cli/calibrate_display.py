@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cornertouchd.calibration.display import fit_display, fit_perspective, save_display
-from cornertouchd.cli.following import follow
+from cornertouchd.cli.following import follow, shown_page
 from cornertouchd.cli.guided_rig import guided_rig
 from cornertouchd.cli.targets import FiniteRange
 from cornertouchd.cli.working import require_writable
@@ -45,6 +45,7 @@ _PATH = click.Path(path_type=Path)
 @click.option("--output", type=_PATH, help="File; else display.json in the state directory.")
 @click.option("--simulate", is_flag=True, help="On the simulated rig.")
 @click.option("--finger", type=_PATH, help="With --simulate: as for `cornertouchd calibrate`.")
+@click.option("--page", is_flag=True, help="Show the corners in browsers, too.")
 @click.option("--forget", is_flag=True, help="The display fills the surface again.")
 def display(
     config_file: Path | None,
@@ -54,6 +55,7 @@ def display(
     output: Path | None,
     simulate: bool,
     finger: Path | None,
+    page: bool,
     forget: bool,
 ) -> None:
     """Fix where the display lies on the surface.
@@ -73,11 +75,17 @@ def display(
         cameras = settings.cameras.model_copy(update={"source": "simulated"})
         settings = settings.model_copy(update={"cameras": cameras})
     calibration = find_calibration(settings, os.environ)
-    with guided_rig(settings, simulate, finger) as rig, StopSignal() as stop:
+    with (
+        guided_rig(settings, simulate, finger) as rig,
+        StopSignal() as stop,
+        shown_page(settings, page, inset=inset) as shown,
+    ):
         for port in rig.ports:
             calibration.camera(port.id).require_camera(port.format, port.identity)
         watch = watch_with(calibration, [port.id for port in rig.ports], settings.vision)
-        tapped = follow(DisplayTaps(watch), rig, settings, stop, ("display",))
+        tapped = follow(DisplayTaps(watch), rig, settings, stop, ("display",), shown)
+        if shown is not None and isinstance(tapped, TappedCorners):
+            shown.finish("all four corners are there")
     if not isinstance(tapped, TappedCorners):
         raise click.ClickException("stopped; nothing was saved")
     surface_mm = (settings.surface.width_mm, settings.surface.height_mm)

@@ -1,5 +1,6 @@
 """The guided calibration: watch the cameras, lead through the steps, save, check."""
 
+import os
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,12 +11,13 @@ from rich.console import Console
 from cornertouchd.calibration.board_sights import BoardSight
 from cornertouchd.calibration.boards import BoardPlan
 from cornertouchd.calibration.calibration import Calibration, CalibrationError, Method
+from cornertouchd.calibration.display import DisplayPlace
 from cornertouchd.calibration.error_picture import draw_error_map
 from cornertouchd.calibration.file import load_calibration
 from cornertouchd.calibration.methods import make_calibration
 from cornertouchd.cli.calibration_report import camera_table, light_table
 from cornertouchd.cli.calibration_result import tell_and_save
-from cornertouchd.cli.following import follow
+from cornertouchd.cli.following import follow, shown_page
 from cornertouchd.cli.guided_rig import GuidedRig, guided_rig, whole_picture_rig
 from cornertouchd.cli.working import write_picture
 from cornertouchd.config import Settings
@@ -27,6 +29,8 @@ from cornertouchd.guiding.status import StepName
 from cornertouchd.guiding.strip_picture import draw_strip_statistics
 from cornertouchd.guiding.validation import Validated, Validation
 from cornertouchd.model import FloatArray
+from cornertouchd.runtime.assembly import find_display
+from cornertouchd.runtime.guide_feed import GuideFeed
 from cornertouchd.runtime.stamping import stamp_now
 from cornertouchd.runtime.stop_signal import StopSignal
 
@@ -54,6 +58,7 @@ class GuideOptions:
     simulate: bool
     finger: Path | None
     plan: BoardPlan | None
+    page: bool
 
 
 def calibrate_guided(settings: Settings, options: GuideOptions) -> None:
@@ -62,10 +67,11 @@ def calibrate_guided(settings: Settings, options: GuideOptions) -> None:
     with ExitStack() as opened:
         rig = opened.enter_context(guided_rig(settings, options.simulate, options.finger))
         stop = opened.enter_context(StopSignal())
-        boards = _hold_boards(settings, options, options.plan, stop) if options.plan else ()
+        page = opened.enter_context(shown_page(settings, options.page, _display(settings)))
+        boards = _hold_boards(settings, options, options.plan, stop, page) if options.plan else ()
         store = _store(rig, settings, options)
         first = CheckCameras(_plan(settings, options, store, boards))
-        done = follow(first, rig, settings, stop, STEPS[options.method])
+        done = follow(first, rig, settings, stop, STEPS[options.method], page)
         if not isinstance(done, Done):
             raise click.ClickException(_how_to_go_on(store, options))
         given = replace(done.given, identities=identities_of(rig))  # all cameras are there now
@@ -78,20 +84,27 @@ def calibrate_guided(settings: Settings, options: GuideOptions) -> None:
         if options.check:
             watch = FingerWatch(done.empty.finders, done.fitted.models)
             step = Validation(watch, calibration, settings)
-            checked = follow(step, rig, settings, stop, STEPS[options.method])
+            checked = follow(step, rig, settings, stop, STEPS[options.method], page)
             if isinstance(checked, Validated):
+                _tell_end(page, f"saved; a fresh tap is {checked.worst_mm:.1f} mm off at most")
                 _judge(console, checked, options.limit_mm)
             else:
                 console.print("not checked: stopped before")
+        else:
+            _tell_end(page, "saved")
 
 
 def _hold_boards(
-    settings: Settings, options: GuideOptions, plan: BoardPlan, stop: StopSignal
+    settings: Settings,
+    options: GuideOptions,
+    plan: BoardPlan,
+    stop: StopSignal,
+    page: GuideFeed | None,
 ) -> tuple[BoardSight, ...]:
     """Return sights of the board that is held before the cameras.  Raises `ClickException`."""
     with whole_picture_rig(settings, options.simulate, plan) as rig:
         first = HoldBoards(plan, {port.id: port.format for port in rig.ports})
-        held = follow(first, rig, settings, stop, STEPS[options.method])
+        held = follow(first, rig, settings, stop, STEPS[options.method], page)
     if not isinstance(held, HeldBoards):
         raise click.ClickException("stopped; nothing was saved")
     return held.sights
@@ -145,6 +158,19 @@ def _how_to_go_on(store: TapStore, options: GuideOptions) -> str:
         return "stopped; nothing was saved"
     taps = "1 tap is" if kept == 1 else f"{kept} taps are"
     return f"stopped; {taps} kept: start again to go on, --anew to begin anew"
+
+
+def _display(settings: Settings) -> DisplayPlace | None:
+    """Return where the display lies; nowhere if that cannot be used, for it is found out anew."""
+    try:
+        return find_display(settings, os.environ)
+    except CalibrationError:
+        return None
+
+
+def _tell_end(page: GuideFeed | None, said: str) -> None:
+    if page is not None:
+        page.finish(said)
 
 
 def _draw(done: Done, calibration: Calibration, options: GuideOptions) -> None:

@@ -16,7 +16,7 @@ from cornertouchd.monitor.options import PageOptions
 
 READING = ("GET", "HEAD")
 ACTING_PATHS = ("/api/save",)
-OPEN_PATHS = re.compile(r"/|/page/.*")
+OPEN_PATHS = re.compile(r"/|/targets|/page/.*")
 """The page itself tells nothing; it has the form that asks for the token."""
 
 HOST_HEADER = re.compile(r"(\[[0-9a-f:.]{2,45}\]|[a-z0-9._-]{1,253}?)\.?(:[0-9]{1,5})?")

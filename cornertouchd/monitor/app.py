@@ -1,6 +1,7 @@
 """What is served at which path, to whom."""
 
 import asyncio
+import contextlib
 import json
 import logging
 import socket
@@ -67,6 +68,7 @@ class Page:
         app.add_routes(
             [
                 web.get("/live", self._live),
+                web.get("/guide", self._guide),
                 web.get("/metrics", self._metrics),
                 web.get("/api/hello", self._hello),
                 web.get("/api/health", self._health),
@@ -155,10 +157,27 @@ class Page:
             self.counters.refused("full")
             return _error(503, "as many browsers look already as monitor.viewers_max allows")
 
+    async def _guide(self, request: web.Request) -> web.StreamResponse:
+        """Pass on what a calibration asks for, which may run in place of the daemon."""
+        viewing = _web_socket()
+        await viewing.prepare(request)
+        passing = asyncio.ensure_future(self._pass_guide(viewing))
+        try:
+            async for _ in viewing:  # it has nothing to say
+                self.counters.refused("message")
+        finally:
+            passing.cancel()
+        return viewing
+
+    async def _pass_guide(self, viewing: web.WebSocketResponse) -> None:
+        with contextlib.suppress(DaemonGoneError, ConnectionError):
+            async with contextlib.aclosing(self._link.lines("guide")) as lines:
+                async for line in lines:
+                    await viewing.send_str(line)
+        await viewing.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"no calibration runs")
+
     async def _show(self, request: web.Request, viewer: Viewer) -> web.WebSocketResponse:
-        viewing = web.WebSocketResponse(
-            heartbeat=HEARTBEAT_S, max_msg_size=LARGEST_REQUEST, compress=False, timeout=2.0
-        )
+        viewing = _web_socket()
         await viewing.prepare(request)
         _keep_buffer_small(request)
         sending = asyncio.ensure_future(self._send(viewing, viewer))
@@ -212,6 +231,12 @@ class CountingLogger(AbstractAccessLogger):
     ) -> None:
         """Count an answer."""
         self.counters.answered(response.status)
+
+
+def _web_socket() -> web.WebSocketResponse:
+    return web.WebSocketResponse(
+        heartbeat=HEARTBEAT_S, max_msg_size=LARGEST_REQUEST, compress=False, timeout=2.0
+    )
 
 
 def _asked(request: web.Request) -> Asked:

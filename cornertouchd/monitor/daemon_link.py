@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import AsyncGenerator, Mapping
 from typing import Any
 
 from cornertouchd.monitor.hub import Hub
@@ -69,6 +69,21 @@ class DaemonLink:
                 reading.cancel()
                 with contextlib.suppress(asyncio.CancelledError, DaemonGoneError):
                     await reading
+
+    async def lines(self, name: str) -> AsyncGenerator[str]:
+        """Yield what is told line by line.  Raises `DaemonGoneError`, also when there is no more.
+
+        Use with `contextlib.aclosing`.
+        """
+        async with self._connection(name) as (reader, _):
+            try:
+                while line := await reader.readline():
+                    if line.startswith(b'{"error"'):
+                        break
+                    yield line.decode(errors="replace")
+            except (OSError, ValueError) as error:
+                raise DaemonGoneError(f"{name} is told no more: {error}") from None
+            raise DaemonGoneError(f"{name} is told no more")
 
     async def _read_document(self, name: str) -> dict[str, Any]:
         async with self._connection(name) as (reader, _):

@@ -11,7 +11,7 @@ CONTENT_TYPES = {
     ".js": "text/javascript",
     ".svg": "image/svg+xml",
 }
-INDEX = "index.html"
+INDEX, TARGETS = "index.html", "targets.html"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,4 +36,4 @@ def page_files() -> Mapping[str, PageFile]:
         for suffix, content_type in CONTENT_TYPES.items()
         if name.endswith(suffix)
     }
-    return {"/": served[f"/page/{INDEX}"], **served}
+    return {"/": served[f"/page/{INDEX}"], "/targets": served[f"/page/{TARGETS}"], **served}
