@@ -23,10 +23,10 @@ def start(tmp_path: Path) -> Iterator[StartCalibration]:
     """Start a calibration on the simulated rig; return where its page is."""
     started = []
 
-    def start_it(*arguments: str) -> str:
+    def start_it(*arguments: str, monitor: str = "") -> str:
         port = free_port()
         config = tmp_path / "touch.toml"
-        config.write_text(f"[monitor]\nport = {port}\n")
+        config.write_text(f"[monitor]\nport = {port}\n{monitor}\n")
         log = tmp_path / "calibrate.log"
         command = [sys.executable, "-m", "cornertouchd", "calibrate", *arguments]
         command += ["--config", str(config), "--simulate", "--page"]
@@ -86,5 +86,14 @@ def test_the_corners_of_the_picture_are_marked(
     assert page.inner_text("#where") == "1 of 4 · top-left of the picture"
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     page.goto(page.url.replace("/targets", "/"))
+    page.wait_for_url("**/targets")
+    wait_for_step(page, "display")
+
+
+def test_the_token_leads_to_the_targets(open_page: OpenPage, start: StartCalibration) -> None:
+    token = "a-token-of-the-test"
+    page = open_page(start("display", "--finger", os.devnull, monitor=f'token = "{token}"'))
+    page.fill("#token", token)
+    page.press("#token", "Enter")
     page.wait_for_url("**/targets")
     wait_for_step(page, "display")

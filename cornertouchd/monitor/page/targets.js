@@ -216,7 +216,12 @@ function findings(guide) {
   return [...missing, ...found];
 }
 
-function connect() {
+async function connect() {
+  const hello = await fetch("/api/hello", { cache: "no-store" }).catch(() => null);
+  if (hello?.status === 401) {
+    location.replace("/"); // which asks for the token, and leads back
+    return;
+  }
   const scheme = location.protocol === "https:" ? "wss:" : "ws:";
   const socket = new WebSocket(`${scheme}//${location.host}/guide`);
   socket.onopen = () => setState("live");
