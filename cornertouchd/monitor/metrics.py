@@ -40,6 +40,12 @@ CAMERA_COUNTERS = (
     ("camera_reopened", "How often a camera was opened anew.", "reopened"),
     ("camera_resets", "How often a camera was reset.", "resets"),
 )
+TUIO_COUNTERS = (
+    ("tuio_packets", "TUIO packets sent; bundles to all clients of a server.", "packets_sent"),
+    ("tuio_errors", "TUIO packets that could not be sent.", "errors"),
+    ("tuio_frames_skipped", "Frames that slow clients were not told.", "frames_skipped"),
+    ("tuio_refused", "Clients that were sent away.", "refused"),
+)
 STRIP_GAUGES = (
     ("camera_strip_level", "Mean grey level of the strip, 0 to 255.", "level"),
     ("camera_strip_contrast_ratio", "Contrast of the strip, 0 to 1.", "contrast"),
@@ -157,17 +163,11 @@ def _cameras(told: Sequence[Mapping[str, Any]]) -> Iterator[Metric]:
 
 
 def _destinations(told: Sequence[Mapping[str, Any]]) -> Iterator[Metric]:
-    for name, text, key in (
-        ("tuio_packets", "TUIO packets sent.", "packets_sent"),
-        ("tuio_errors", "TUIO packets that could not be sent.", "errors"),
-    ):
-        yield _by_label(
-            CounterMetricFamily,
-            name,
-            text,
-            "destination",
-            [(f"{one['host']}:{one['port']}", one[key]) for one in told],
-        )
+    for name, text, key in TUIO_COUNTERS:
+        yield _by_destination(CounterMetricFamily, name, text, key, told)
+    serving = [one for one in told if one["clients"] is not None]
+    text = "Clients that are connected; over UDP nobody knows."
+    yield _by_destination(GaugeMetricFamily, "tuio_clients", text, "clients", serving)
 
 
 def _light(told: Mapping[str, Any]) -> Iterator[Metric]:
@@ -205,4 +205,17 @@ def _by_label(
     metric = family(f"{PREFIX}{name}", text, labels=[label])
     for one, value in values:
         metric.add_metric([one], value)
+    return metric
+
+
+def _by_destination(
+    family: type[GaugeMetricFamily] | type[CounterMetricFamily],
+    name: str,
+    text: str,
+    key: str,
+    told: Sequence[Mapping[str, Any]],
+) -> GaugeMetricFamily | CounterMetricFamily:
+    metric = family(f"{PREFIX}{name}", text, labels=["destination", "transport"])
+    for one in told:
+        metric.add_metric([f"{one['host']}:{one['port']}", one["transport"]], one[key])
     return metric

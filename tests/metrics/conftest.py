@@ -19,6 +19,7 @@ from typing import Any
 
 import pytest
 
+from cornertouchd.devices.udp_destination import DestinationStatus
 from cornertouchd.monitor.metrics import CONTENT_TYPE, render
 from cornertouchd.runtime.led_light import LightState
 
@@ -97,10 +98,12 @@ class _Page(BaseHTTPRequestHandler):
 
 @pytest.fixture(scope="session")
 def lit_rig(demo: str) -> Iterator[str]:
-    """Where a rig is scraped that does as the demo did, but has an LED frame."""
+    """Where a rig is scraped that does as the demo did, but has an LED frame and browsers."""
     health = json.loads(fetched(f"http://{demo}/api/health"))
     light = LightState("/dev/ttyACM0", "armed", (), "ambient", (9, 9, 9, 9), False, 31.5, 1, 0, {})
-    _Page.body = render({**health, "light": asdict(light)})
+    browsers = DestinationStatus("127.0.0.1", 8080, 100, 0, None, "websocket", 2, 1, 0)
+    destinations = [*health["destinations"], asdict(browsers)]
+    _Page.body = render({**health, "light": asdict(light), "destinations": destinations})
     with ThreadingHTTPServer(("127.0.0.1", 0), _Page) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()

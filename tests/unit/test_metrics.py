@@ -30,7 +30,10 @@ def health() -> Health:
         100.0,
         fusion,
         (replace(camera, strip=StripReading(150.0, 0.9, 0.02)), replace(camera, id="C2")),
-        (DestinationStatus("::1", 3333, 1000, 3, None),),
+        (
+            DestinationStatus("::1", 3333, 1000, 3, None),
+            DestinationStatus("::1", 3333, 500, 0, None, "tcp", 2, 7, 1),
+        ),
         None,
         LastFrameSet(6, 1, 0.002, 14.5),
         ProcessUse(3.5, 2**28),
@@ -79,8 +82,12 @@ def told(one: Health) -> dict[tuple[str, str], float]:
         ("camera_damaged_pictures_total", "C1", 8.0),
         ("camera_masked_columns", "C1", 17.0),
         ("camera_strip_contrast_ratio", "C1", 0.9),
-        ("tuio_packets_total", "::1:3333", 1000.0),
-        ("tuio_errors_total", "::1:3333", 3.0),
+        ("tuio_packets_total", "::1:3333udp", 1000.0),
+        ("tuio_packets_total", "::1:3333tcp", 500.0),
+        ("tuio_errors_total", "::1:3333udp", 3.0),
+        ("tuio_clients", "::1:3333tcp", 2.0),
+        ("tuio_frames_skipped_total", "::1:3333tcp", 7.0),
+        ("tuio_refused_total", "::1:3333tcp", 1.0),
     ],
 )
 def test_what_health_says_is_a_metric(name: str, label: str, value: float) -> None:
@@ -93,6 +100,7 @@ def test_what_is_not_known_is_left_out() -> None:
     assert "least_support" not in names
     assert not any(name.startswith("led_frame") for name in names)
     assert ("camera_strip_level", "C2") not in told(one)
+    assert ("tuio_clients", "::1:3333udp") not in told(one)
 
 
 def test_an_led_frame_is_told() -> None:
