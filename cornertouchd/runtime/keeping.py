@@ -60,10 +60,10 @@ class KeptPictures:
         return max(0, self._count - len(self._pixels) + 1)
 
     def put(self, frame: Frame) -> None:
-        """Keep a copy of a picture.  Raises `ValueError` if it has another size."""
+        """Keep a copy of a picture, unless it has another size: no recording could hold it."""
         slot = self._count % len(self._pixels)
         if frame.pixels.shape != self._pixels.shape[1:]:
-            raise ValueError(f"picture of {frame.pixels.shape}, kept are {self._pixels.shape[1:]}")
+            return
         np.copyto(self._pixels[slot], frame.pixels)
         self._sequence[slot] = frame.sequence
         self._captured_at_s[slot] = frame.captured_at_s
@@ -122,7 +122,7 @@ class Keeping:
         return self._cameras
 
     def put(self, frame: Frame) -> None:
-        """Keep a copy of a picture.  Raises `ValueError` if it has another size than is kept."""
+        """Keep a copy of a picture, unless it has another size than its camera's pictures."""
         self._cameras[frame.camera].put(frame)
 
     def latest(self, camera: str) -> Frame | None:

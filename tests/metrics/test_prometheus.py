@@ -41,7 +41,7 @@ def test_every_panel_of_the_dashboard_shows_something(
 
 def test_the_dashboard_shows_what_is_true(prometheus: Prometheus, demo: str) -> None:
     (sent,) = prometheus.query(f'rate(cornertouchd_tuio_packets_total{{instance="{demo}"}}[1m])')
-    assert float(sent["value"][1]) > 1.0
+    assert float(sent["value"][1]) > 0.0
     live = prometheus.query(f'sum(cornertouchd_camera_live{{instance="{demo}"}})')
     assert live[0]["value"][1] == "4"
 

@@ -13,11 +13,14 @@ import pytest
 
 from cornertouchd.calibration.calibration import CameraCalibration
 from cornertouchd.config import CamerasSettings
+from cornertouchd.devices.v4l2_camera import PictureCounts
+from cornertouchd.devices.v4l2_stream import StreamCounts
 from cornertouchd.locating.angle_polynomial import AnglePolynomial
 from cornertouchd.model import Frame, Observation, PictureFormat, Shadows
 from cornertouchd.ports import CameraError
 from cornertouchd.runtime.capture import CaptureStages, CaptureThread
 from cornertouchd.runtime.clock import MonotonicClock
+from cornertouchd.runtime.keeping import Keeping
 from cornertouchd.runtime.latest import Latest
 from cornertouchd.runtime.recovery import Recovery
 from cornertouchd.vision.background import MaskedColumns
@@ -73,6 +76,10 @@ class FakeCamera:
         self._port = port
         self._sequence = 0
 
+    def counts(self) -> PictureCounts:
+        """Of each opening two pictures were lost and three damaged."""
+        return PictureCounts(StreamCounts(lost=2), 1, 2)
+
     def read(self, timeout_s: float) -> Frame | None:
         step = self._port.next_step()
         self._sequence += 1
@@ -119,13 +126,13 @@ def run() -> Iterator[object]:
     started: list[tuple[CaptureThread, FakePort]] = []
 
     def start(
-        script: list[Step], exchanged_at: tuple[int, ...] = ()
+        script: list[Step], exchanged_at: tuple[int, ...] = (), kept: Keeping | None = None
     ) -> tuple[CaptureThread, FakePort, Latest[Observation]]:
         port, box = FakePort(script), Latest[Observation]()
         port.exchanged_at.update(exchanged_at)
         thread = CaptureThread(
             port,
-            CaptureStages(CALIBRATED, StubPipeline(), box),
+            CaptureStages(CALIBRATED, StubPipeline(), box, kept=kept),
             FAST,
             Recovery("C1", None, FAST, MonotonicClock()),
         )
@@ -139,6 +146,19 @@ def run() -> Iterator[object]:
         thread.stop()
         port.released.set()
         thread.join(5.0)
+
+
+def test_pictures_are_kept_those_that_cannot_be_used_included(run) -> None:
+    kept = Keeping({"C1": CALIBRATED.format}, 100.0, 10, 16)
+    thread, _, _ = run(["good", "sunny", "garbage", "good"], kept=kept)
+    assert [frame.sequence for frame in kept.last(99.0)] == [1, 2, 4]
+    assert thread.counts().faults == 1
+
+
+def test_what_the_driver_lost_is_added_up_over_all_openings(run) -> None:
+    thread, port, _ = run(["good", "gone", "good", "gone", "good"])
+    assert port.opened == 3
+    assert (thread.counts().lost, thread.counts().damaged) == (6, 9)
 
 
 def test_the_fake_keeps_the_contract() -> None:

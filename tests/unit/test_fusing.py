@@ -59,6 +59,7 @@ class StubSurface:
         self.resets = 0
         self.drift: Drift | None = None
         self.dirt: tuple[Dirt, ...] = ()
+        self.refused: tuple[Contact, ...] = ()
 
     def follow(self, frame_set: FrameSet) -> tuple[tuple[Contact, ...], tuple[Touch, ...]]:
         if self.broken:
@@ -122,6 +123,20 @@ def test_a_frame_set_reaches_the_sink_at_the_time_of_its_pictures(bench: Bench) 
     bench.sink.wait_until(lambda sink: len(sink.frames) == 1)
     assert bench.sink.frames[0].captured_at_s == 7.25
     assert [touch.id for touch in bench.sink.frames[0].touches] == [1]
+
+
+def test_the_time_that_it_took_and_ghosts_are_counted(bench: Bench) -> None:
+    ghost = Contact(1.0, 2.0, 9.0, ("C1", "C2"), 0.2, 0.1)
+    bench.surface.refused = (ghost, ghost)
+    bench.see(bench.clock.now_s() - 0.033)
+    bench.wait_for_counts(lambda counts: counts.frame_sets == 1)
+    counts = bench.thread.counts()
+    assert counts.ghosts == 2
+    assert sum(counts.latency.counts) == 1
+    assert counts.latency.sum_s >= 0.033
+    moment = bench.thread.moment
+    assert moment is not None
+    assert moment.refused == (ghost, ghost)
 
 
 def test_the_start_says_that_there_are_no_touches(bench: Bench) -> None:
