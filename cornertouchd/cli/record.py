@@ -126,7 +126,9 @@ def _from_daemon(
     try:
         recorder = KeptRecorder(path, last_s or 0.0, seconds)
     except OSError as error:
-        raise click.ClickException(f"{path}: no daemon answers: {error}") from error
+        raise click.ClickException(
+            f"{path}: no daemon answers: {error.strerror or error}"
+        ) from error
     os.nice(NICENESS)
     head, formats = recorder.head, recorder.formats
     blind = [camera.id for camera in head.cameras if camera.id not in formats]
