@@ -150,13 +150,12 @@ class StreamPeer:
 
     def close(self) -> None:
         """Say farewell, as far as that goes without waiting, and end the connection."""
-        farewell = self.conversation.farewell()
-        if farewell:
-            self._outbox.say(farewell)
-        with contextlib.suppress(OSError):  # it went first
+        with self.connection, contextlib.suppress(OSError):  # it may have gone first
+            farewell = self.conversation.farewell()
+            if farewell:
+                self._outbox.say(farewell)
             self._outbox.write(self.connection)
             self.connection.shutdown(socket.SHUT_WR)
-        self.connection.close()
 
     def _count_input(self, count: int, now_s: float) -> None:
         if now_s - self._counted_from_s >= 1.0:
@@ -237,6 +236,9 @@ class StreamPeers:
             action()
         except PeerLostError as lost:
             self.lose(peer, str(lost))
+        except Exception:
+            self.lose(peer, "a fault in the program")  # or it would come again at once
+            raise
         else:
             self._watch(peer)
 

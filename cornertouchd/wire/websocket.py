@@ -69,7 +69,7 @@ class WebSocketConversation:
     @property
     def is_ready(self) -> bool:
         """Whether the handshake is done and neither end has begun to close."""
-        return self._protocol.state is State.OPEN
+        return self._protocol.state is State.OPEN and not self._is_over
 
     @property
     def is_over(self) -> bool:
@@ -86,13 +86,17 @@ class WebSocketConversation:
         if self._is_over:
             return b""
         self._protocol.receive_data(data)
-        for event in self._protocol.events_received():
-            if isinstance(event, Request):
-                self._answer(event)
+        events = self._protocol.events_received()
+        if events and isinstance(events[0], Request):
+            if len(events) > 1:
+                # The library would take these frames for good; a browser waits for the answer.
+                self._refusal, self._is_over = "it sent frames before the handshake was done", True
+                return b""
+            self._answer(events[0])
         return self._to_send()
 
     def farewell(self) -> bytes:
-        """Return a closing frame, if the handshake is done."""
+        """Return a closing frame, if the handshake is done and neither end has sent one."""
         if not self.is_ready:
             return b""
         self._protocol.send_close(GOING_AWAY)

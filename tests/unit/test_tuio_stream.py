@@ -97,11 +97,26 @@ def test_a_frame_without_mask_is_refused_as_the_standard_demands() -> None:
     assert conversation.is_over
 
 
-@given(st.lists(st.binary(max_size=200), max_size=10), st.booleans())
-def test_no_bytes_make_it_stumble(pieces: list[bytes], shakes_hands: bool) -> None:
+@pytest.mark.parametrize(
+    ("opcode", "payload"),
+    [(Opcode.CLOSE, b"\x03\xe8"), (Opcode.PING, b"hi"), (Opcode.TEXT, b"hi")],
+)
+def test_who_does_not_wait_for_the_handshake_is_sent_away(opcode: Opcode, payload: bytes) -> None:
     conversation = websocket_dialect(()).converse()
-    if shakes_hands:
-        conversation.receive(SHAKE)
+    assert conversation.receive(SHAKE + masked(opcode, payload)) == b""
+    assert conversation.is_over
+    assert not conversation.is_ready
+    assert conversation.refusal == "it sent frames before the handshake was done"
+    assert conversation.farewell() == b""
+
+
+@given(st.lists(st.binary(max_size=200), max_size=10), st.sampled_from([b"", SHAKE]), st.booleans())
+def test_no_bytes_make_it_stumble(pieces: list[bytes], first: bytes, at_once: bool) -> None:
+    conversation = websocket_dialect(()).converse()
+    if at_once and pieces:
+        pieces = [first + pieces[0], *pieces[1:]]
+    else:
+        conversation.receive(first)
     for piece in pieces:
         conversation.receive(piece)
     conversation.farewell()
