@@ -26,7 +26,12 @@ LATE_BEFORE_ANEW = 50
 frames is taken from the next report."""
 
 LATE_PERIODS = 0.5
-"""A report that is later than the clocks allow makes the time of its frame doubtful."""
+"""A report that is later than the clocks allow makes the time of its frame doubtful, one that is so
+much earlier the times of those before."""
+
+LATELY, MOST_DOUBTFUL = 8, 1
+"""From so many periods before a picture on, one doubtful report is a machine that was busy.  With
+more of them all times may have moved, by whole periods, too: what was found is sought anew."""
 
 LATEST_REPORT_PERIODS = 8.0
 """A picture that is later than the last report by more cannot be assigned."""
@@ -74,13 +79,13 @@ CONTRADICTIONS_BEFORE_ANEW = 12
 class ReportedFrame:
     """A frame of the controller: when it began, as told by when reports arrived.
 
-    Of a late report, when it began is doubtful.
+    Of a report that came much later or earlier than the others, when it began is doubtful.
     """
 
     number: int
     lit_mask: int
     began_at_s: float
-    late: bool = False
+    doubtful: bool = False
 
 
 class FrameReports:
@@ -102,20 +107,23 @@ class FrameReports:
         """Take a report."""
         with self._lock:
             last = self._frames[-1] if self._frames else None
-            began_at_s, late = received_at_s, False
+            began_at_s, late, early = received_at_s, False, False
             if last is None:
                 self._late_in_a_row = 0
             elif report.frame > last.number:
                 passed = (report.frame - last.number) * self.period_s
                 began_at_s = min(received_at_s, last.began_at_s + passed * (1.0 + CLOCK_DRIFT))
                 late = received_at_s - began_at_s > LATE_PERIODS * self.period_s
+                expected_s = last.began_at_s + passed * (1.0 - CLOCK_DRIFT)
+                early = expected_s - received_at_s > LATE_PERIODS * self.period_s
                 self._late_in_a_row = self._late_in_a_row + 1 if late else 0
             if last is not None and (
                 report.frame <= last.number or self._late_in_a_row >= LATE_BEFORE_ANEW
             ):
                 self._begin_anew()
-                began_at_s, late = received_at_s, False
-            self._frames.append(ReportedFrame(report.frame, report.lit_mask, began_at_s, late))
+                began_at_s, late, early = received_at_s, False, False
+            frame = ReportedFrame(report.frame, report.lit_mask, began_at_s, late or early)
+            self._frames.append(frame)
 
     def begin_anew(self) -> None:
         """Forget all frames: the controller has restarted."""
@@ -212,7 +220,11 @@ class MaskMatcher:
             return None
         last = frames[-1]
         periods = (captured_at_s - last.began_at_s) / period_s
-        if periods > LATEST_REPORT_PERIODS or last.late:
+        if periods > LATEST_REPORT_PERIODS or last.doubtful:
+            return None
+        since_s = captured_at_s - LATELY * period_s
+        if sum(one.doubtful for one in frames if one.began_at_s >= since_s) > MOST_DOUBTFUL:
+            self._begin_anew()
             return None
         if periods < 0.0:  # the frame that it is in tells better: clocks drift
             last = next((one for one in reversed(frames) if one.began_at_s <= captured_at_s), last)

@@ -40,10 +40,12 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "clock.h"
 #include "light.h"
 #include "line.h"
 
 #define FREQUENCY 16000000u
+#define FARTHEST_BEHIND_S 0.25
 #define SLICE_CYCLES 4000u /* a quarter of a millisecond */
 #define CYCLES_PER_MS 16000u
 #define PIND_ADDRESS 0x29
@@ -51,7 +53,7 @@
 static avr_t *avr;
 static FILE *answers;
 static const char *link_name;
-static int noise_in, noise_out, overcurrent, starts = 1;
+static int noise_in, noise_out, overcurrent, starts = 1, lags;
 static avr_cycle_count_t answer_wait_at;
 static void (*core_reset)(avr_t *);
 
@@ -151,7 +153,7 @@ static int load(const char *path, const char *controller)
 
 static void answer_all(void)
 {
-    fprintf(answers, "{\"cycle\":%llu,\"starts\":%d,", (unsigned long long)avr->cycle, starts);
+    fprintf(answers, "{\"cycle\":%llu,\"starts\":%d,\"lags\":%d,", (unsigned long long)avr->cycle, starts, lags);
     line_report(answers);
     fputc(',', answers);
     light_report(answers);
@@ -277,13 +279,6 @@ static int take_commands(long wait_ns)
     return 1;
 }
 
-static double now_s(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
-
 static int run_slice(void)
 {
     avr_cycle_count_t until = avr->cycle + SLICE_CYCLES;
@@ -304,13 +299,12 @@ static int run_slice(void)
 /* Time of the controller is real time, or slower where the machine is busy. */
 static int run(void)
 {
-    double begun_s = now_s();
-    avr_cycle_count_t begun = avr->cycle;
+    clock_set(avr);
     while (run_slice()) {
-        double ahead_s = (double)(avr->cycle - begun) / FREQUENCY - (now_s() - begun_s);
-        if (ahead_s < -0.25) {
-            begun_s = now_s();
-            begun = avr->cycle;
+        double ahead_s = clock_of(avr) - now_s();
+        if (ahead_s < -FARTHEST_BEHIND_S) {
+            clock_set(avr);
+            lags++;
         }
         if (!take_commands(ahead_s > 0.0001 ? (long)(ahead_s * 1e9) : 0))
             return 0;

@@ -8,12 +8,12 @@
  */
 #include "light.h"
 
+#include "clock.h"
 #include <avr_adc.h>
 #include <avr_ioport.h>
 #include <avr_timer.h>
 #include <sim_io.h>
 #include <string.h>
-#include <time.h>
 
 #define CYCLES_PER_US 16.0
 #define TCCR1A_ADDRESS 0x80
@@ -39,7 +39,7 @@ static struct {
     long long lead_min, lead_max;
 } counts;
 
-/* The last flashes: what shone in each, and when that was on the clock of the host. */
+/* The last flashes: what shone in each, and when that was. */
 static struct {
     int mask, levels[SIDES];
     double at_s;
@@ -94,10 +94,8 @@ static void strobe_rises(void)
 
 static void keep_flash(void)
 {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
     unsigned at = flash_count++ % FLASHES_KEPT;
-    flashes[at].at_s = (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+    flashes[at].at_s = clock_of(avr);
     flashes[at].mask = 0;
     for (int side = 0; side < SIDES; side++) {
         flashes[at].mask |= lit[side] << side;
