@@ -22,6 +22,7 @@ from cornertouchd.fusion.tracking import Tracker
 from cornertouchd.locating.height_table import HeightsError
 from cornertouchd.locating.line_table import LineTable, tabulate
 from cornertouchd.model import (
+    BoolArray,
     Contact,
     FloatArray,
     Frame,
@@ -131,6 +132,11 @@ class CameraPipeline:
             self._background.learn_dark(frame.pixels, frame.captured_at_s)
         except NotDarkError as error:
             raise PictureError(str(error)) from None
+
+    def suspect_dead_leds(self, columns: BoolArray) -> None:
+        """Mask those of these columns (width_px,) that are dark in the next picture."""
+        if self._background is not None:
+            self._background.suspect(columns)
 
     def find_strip_shift(self, frame: Frame) -> StripShift | None:
         """Return by how much the strip is off the rows where it was calibrated, None if it is not.

@@ -32,6 +32,7 @@ class Flash:
     at_s: float
     mask: int
     levels: tuple[int, ...]
+    touched: bool
 
 
 class Lights:
@@ -46,6 +47,7 @@ class Lights:
         sunny = SimulatedRig(seed=seed, sun=sun) if sun else None
         self._sides: dict[tuple[str, bool], list[Light]] = {}
         self._sun: dict[tuple[str, bool], Light] = {}
+        self.dead_columns: dict[str, list[slice]] = {}
         for camera in self.rig.formats:
             for touched in (False, True):
                 shown = fingers if touched else ()
@@ -54,11 +56,13 @@ class Lights:
                 plain = self.rig.light(camera, shown)
                 self._sun[key] = (sunny.light(camera, shown) if sunny else plain) - plain
 
-    def light(self, camera: str, flash: Flash, touched: bool) -> Light:
-        light = self._sun[camera, touched].copy()
-        for side, seen in enumerate(self._sides[camera, touched]):
+    def light(self, camera: str, flash: Flash) -> Light:
+        light = self._sun[camera, flash.touched].copy()
+        for side, seen in enumerate(self._sides[camera, flash.touched]):
             if flash.mask >> side & 1:
                 light += np.float32(flash.levels[side] / FULL_LEVEL) * seen
+        for columns in self.dead_columns.get(camera, ()):
+            light[:, columns] = self._sun[camera, flash.touched][:, columns]
         return light
 
 
@@ -85,7 +89,7 @@ class LitCamera:
             return None
         if self._rig.ended:
             raise CameraError(self.id, "the board has ended")
-        light = self._rig.lights.light(self.id, flash, self._rig.touched)
+        light = self._rig.lights.light(self.id, flash)
         pixels = self._rig.lights.rig.expose(self.id, flash.number, light)
         return Frame(self.id, flash.number, flash.at_s + STAMP_AFTER_S, None, pixels)
 
@@ -116,7 +120,7 @@ class LitRig:
         while not self._stop.wait(ASK_EVERY_S):
             for number, at_s, mask, *levels in self._board.do(f"flashes {following}")["flashes"]:
                 following = number + 1
-                flash = Flash(number, at_s, mask, tuple(levels))
+                flash = Flash(number, at_s, mask, tuple(levels), self.touched)
                 self.flashes[number] = flash
                 if time.monotonic() - at_s < 0.2:
                     self._hand_on(flash)

@@ -247,6 +247,7 @@ class CaptureThread:
             if lit is Lighting.DARK:
                 self._pipeline.learn_dark(frame)
                 return True
+            self._suspect_dead_leds()
             observation = self._pipeline.observe(frame)
         except PictureError as error:
             self._faults.fault("picture refused", error)
@@ -262,6 +263,12 @@ class CaptureThread:
         self._watch("strip not watched", self._watch_strip, frame)
         self._watch("blind columns not looked for", self._watch_blind_columns, frame)
         return True
+
+    def _suspect_dead_leds(self) -> None:
+        """Mask what the controller says is dead, before it is taken for a shadow."""
+        suspected = None if self._light is None else self._light.suspected()
+        if suspected is not None:
+            self._pipeline.suspect_dead_leds(suspected)
 
     def _leave_out(self) -> None:
         """Count a picture of which it is not known how it was lit."""

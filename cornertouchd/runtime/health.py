@@ -203,9 +203,14 @@ class HealthWatch:
             counts.damaged,
             counts.left_out,
             sum(masked.last_px - masked.first_px + 1 for masked in pipeline.masked_columns),
-            tuple(map(str, pipeline.blind_columns)),
+            self._blind(name),
             str(self._daemon.strip_shifts().get(name, "")),
         )
+
+    def _blind(self, name: str) -> tuple[str, ...]:
+        stages = self._daemon.stages.captures[name]
+        say = str if stages.light is None else stages.light.masked
+        return tuple(map(say, stages.pipeline.blind_columns))
 
     def _hints(
         self,

@@ -11,16 +11,16 @@ from dataclasses import dataclass, replace
 from cornertouchd.calibration.calibration import Calibration, CameraCalibration
 from cornertouchd.config import LedFrameSettings, Settings
 from cornertouchd.devices.serial_link import SerialLedFrame
-from cornertouchd.model import Frame
+from cornertouchd.model import BoolArray, Frame
 from cornertouchd.ports import FaultReport, LedFrame, LedFrameListener
 from cornertouchd.runtime.faults import FaultLog
 from cornertouchd.runtime.light_levels import IdleWatch, LevelControl, Levels
 from cornertouchd.runtime.lit_masks import FrameReports, MaskMatcher, MatchCounts
 from cornertouchd.runtime.side_light import SideBrightness, SideLight
-from cornertouchd.vision.background import MaskedColumns
+from cornertouchd.vision.background import MEND_THE_LED, MaskedColumns
 from cornertouchd.wire.ledframe import SetLevels, SetPattern, SetTiming
-from cornertouchd.wire.ledframe_faults import explain
-from cornertouchd.wire.ledframe_reports import ControllerStatus, FrameLit, Identity
+from cornertouchd.wire.ledframe_faults import OPEN_LED_REMEDY, explain, open_sides, sides_of
+from cornertouchd.wire.ledframe_reports import ControllerStatus, FaultsChanged, FrameLit, Identity
 from cornertouchd.wire.ledframe_session import Light, Report
 
 ALL_SIDES = 15
@@ -91,6 +91,7 @@ class LedLight:
         self._idle = IdleWatch(self._settings.dim_after_s)
         self._dimmed_at_s: float | None = None
         self._reported_at_s: float | None = None
+        self._open_sides = 0
         self._cameras = {
             camera.id: CameraLight(self, camera, calibration.surface_mm, settings)
             for camera in calibration.cameras
@@ -132,9 +133,17 @@ class LedLight:
             case Identity():
                 self.reports.begin_anew()
             case ControllerStatus():
+                self._open_sides = open_sides(report.faults)
                 self._regulate(received_at_s)
+            case FaultsChanged():
+                self._open_sides = open_sides(report.faults)
             case _:
                 pass
+
+    @property
+    def open_sides(self) -> int:
+        """The sides with dead LEDs, as the controller measures, bits 0 to 3 top to left."""
+        return self._open_sides
 
     def is_dark_for_certain(self, now_s: float) -> bool:
         """Tell whether the controller has been silent for so long that it cannot shine."""
@@ -234,6 +243,7 @@ class CameraLight:
         self._matcher = MaskMatcher(light.reports, [1 << side for side in self._sides.sides])
         self._constant = settings.led_frame.pattern == "constant"
         self._lit_before = False
+        self._open_sides = 0
         self._noted_at_s: dict[int, float] = {}
 
     @property
@@ -267,9 +277,18 @@ class CameraLight:
         """Take how many shadows a picture shows."""
         self._light.note_shadows(self._camera, count, at_s)
 
+    def suspected(self) -> BoolArray | None:
+        """Return the columns (width_px,) of sides that have dead LEDs since the last call."""
+        open_before, self._open_sides = self._open_sides, self._light.open_sides
+        new = self._open_sides & ~open_before
+        return self._sides.columns_of(new) if new else None
+
     def masked(self, columns: MaskedColumns) -> str:
         """Say which columns of which side are blind."""
         side = self._sides.side_at((columns.first_px + columns.last_px) // 2)
+        if columns.remedy == MEND_THE_LED and side in sides_of(self._light.open_sides):
+            where = f"columns {columns.first_px}..{columns.last_px}"
+            return f"{side} side: open LED, {where} masked; {OPEN_LED_REMEDY}"
         return f"{side} side: {columns}" if side else str(columns)
 
     def _note(self, mask: int, seen: Sequence[SideBrightness], at_s: float) -> None:

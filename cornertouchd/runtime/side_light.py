@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cornertouchd.calibration.calibration import CameraCalibration
 from cornertouchd.config import VisionSettings
-from cornertouchd.model import FloatArray, Picture
+from cornertouchd.model import BoolArray, FloatArray, Picture
 from cornertouchd.vision.profile import ProfileSampler
 from cornertouchd.vision.strip import find_strip
 from cornertouchd.wire.ledframe import SIDE_NAMES
@@ -102,6 +102,10 @@ class SideLight:
             one.grey - self._black >= STILL_SEEN * (self._calibrated[one.side] - self._black)
             for one in seen
         )
+
+    def columns_of(self, sides: int) -> BoolArray:
+        """Return which columns (width_px,) look at these sides, bits 0 to 3 top to left."""
+        return np.isin(self._at_side, [side for side in range(4) if sides >> side & 1])
 
     def side_at(self, column: int) -> str:
         """Return the name of the side that a column looks at, empty if at none."""

@@ -15,12 +15,13 @@ from cornertouchd.compiling import compiled, inlined
 from cornertouchd.config import BackgroundSettings, VisionSettings
 from cornertouchd.model import BoolArray, FloatArray, Picture, Shadows
 from cornertouchd.vision.darkness import MeanPicture, follow_columns, follow_pixels, unevenness
+from cornertouchd.vision.dead_leds import DeadLeds, how_dim
 from cornertouchd.vision.filling import fill_in
 from cornertouchd.vision.finder import ProfileFinder
 from cornertouchd.vision.gain import most_frequent_brightness
 from cornertouchd.vision.profile import Measured
 from cornertouchd.vision.reference import Reference
-from cornertouchd.vision.shadows import find_shadows
+from cornertouchd.vision.shadows import find_shadows, is_cover
 
 LEARN_EVERY_S = 0.05
 """Twenty times a second is plenty for what takes half a minute, and costs nothing."""
@@ -46,9 +47,6 @@ LIGHT_FROM_OUTSIDE = 1.3
 LESS_LIGHT = "lower the exposure, shade the sun, or let the LED frame send dark frames"
 MEND_THE_LED = "replace the LED, or take away what covers it"
 UNCOVER_THE_LENS = "uncover the lens, and see whether the LED frame shines and the exposure is set"
-
-SHARE_OF_A_COVER = 0.9
-"""One shadow without ends over more of the strip than this: no hand, but a lens that is covered."""
 
 LARGEST_SHARE_IN_THE_DARK = 0.75
 """Of the light of the last lit picture, over the black of the calibration; more is the strip
@@ -105,6 +103,12 @@ class Background:
         self._dark: MeanPicture | None = None
         self._known = self._reference.usable
         self._covered = False
+        self._dead = DeadLeds(len(self._known))
+        self._suspected: BoolArray | None = None
+
+    def suspect(self, columns: BoolArray) -> None:
+        """Mask what is dark of these columns (width_px,) in the next picture: LEDs are dead."""
+        self._suspected = columns
 
     def look(self, picture: Picture, captured_at_s: float) -> Sight:
         """Return what a picture (rows, width_px) shows, measured against the strip as it is now.
@@ -113,6 +117,8 @@ class Background:
         """
         self._forget_old_darkness(captured_at_s)
         measured = self._sampler.measure(picture, self._reference, self._gain)
+        if self._follow_dead_leds(measured):
+            measured = self._sampler.measure(picture, self._reference, self._gain)
         measured.require_strip()
         shadows = find_shadows(
             measured.profile,
@@ -121,7 +127,7 @@ class Background:
             hiding=self._reference.on_strip,
         )
         self._known = measured.profile.known
-        self._covered = _is_cover(shadows, int(np.count_nonzero(self._reference.on_strip)))
+        self._covered = is_cover(shadows, int(np.count_nonzero(self._reference.on_strip)))
         return Sight(captured_at_s, measured, shadows)
 
     def learn(self, sight: Sight) -> None:
@@ -206,7 +212,7 @@ class Background:
         usual = max(float(np.median(reference.light[strip])), 1.0)
         dim = [
             MaskedColumns(
-                first, last, _how_dim(reference.light[first : last + 1] / usual), MEND_THE_LED
+                first, last, how_dim(reference.light[first : last + 1] / usual), MEND_THE_LED
             )
             for first, last in _runs(strip & ~reference.usable)
             if first > ends[0] and last < ends[1]  # where the view ends the strip fades
@@ -219,6 +225,15 @@ class Background:
             for first, last in _runs(reference.usable & full)
         ]
         return tuple(sorted(dim + bright, key=lambda one: one.first_px))
+
+    def _follow_dead_leds(self, measured: Measured) -> bool:
+        """Mask what is suspected and dark, unmask what shines again; tell whether that changed."""
+        reference, suspected = self._reference, self._suspected
+        light = self._dead.follow(suspected, measured, reference)
+        self._suspected = None
+        if light is not None:
+            self._refer_to(reference.black, light, reference.peak)
+        return light is not None
 
     def _is_new_light(self, dark: FloatArray) -> bool:
         """Tell whether what the first dark picture shows is no part yet of the light as learned.
@@ -264,18 +279,6 @@ def _runs(chosen: BoolArray) -> list[tuple[int, int]]:
         for start, stop in zip(starts, stops, strict=True)
         if stop - start >= FEWEST_MASKED
     ]
-
-
-def _is_cover(shadows: Shadows, strip_px: int) -> bool:
-    """Tell whether one shadow without valid edges takes nearly all columns of the strip."""
-    if len(shadows) != 1 or shadows.valid.any():
-        return False
-    left_px, right_px = shadows.edges_px[0]
-    return bool(right_px - left_px > SHARE_OF_A_COVER * strip_px and shadows.depth[0] > 0.0)
-
-
-def _how_dim(shares: FloatArray) -> str:
-    return f"dead or dim LED, {max(float(shares.min()), 0.0):.0%} of the strip's light"
 
 
 @inlined

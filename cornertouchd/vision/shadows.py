@@ -39,6 +39,9 @@ HIDING_PX = 6
 """So many columns in a row that tell nothing may hide a finger: its shadow is 7.5 px wide at the
 far end of a frame of 350 x 400 mm, and shows beside fewer."""
 
+SHARE_OF_A_COVER = 0.9
+"""One shadow without ends over more of the strip than this: no hand, but a lens that is covered."""
+
 
 def find_shadows(
     profile: Profile,
@@ -364,3 +367,11 @@ def _find(
         _tell(brightness, known, sunlit, edges[number], valid[number], depth[number])
     _sort(edges, valid, depth, count)
     return edges[:count] + first, valid, depth[:count].copy()
+
+
+def is_cover(shadows: Shadows, strip_px: int) -> bool:
+    """Tell whether one shadow without valid edges takes nearly all columns of the strip."""
+    if len(shadows) != 1 or shadows.valid.any():
+        return False
+    left_px, right_px = shadows.edges_px[0]
+    return bool(right_px - left_px > SHARE_OF_A_COVER * strip_px and shadows.depth[0] > 0.0)

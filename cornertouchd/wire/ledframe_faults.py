@@ -15,6 +15,8 @@ DARK = (
 # These are over once they are known: the daemon clears them itself.
 PASSED = Fault.HOST_LOST | Fault.BROWNOUT | Fault.WATCHDOG_RESET
 
+OPEN_LED_REMEDY = "look for an open LED, a loose plug or a missing supply"
+
 _MEANINGS = {
     Fault.OVERCURRENT: "over-current: all sides are off; look for a short in the LED wiring, then "
     "clear the fault",
@@ -28,14 +30,22 @@ _MEANINGS = {
 }
 
 
+def open_sides(faults: Fault) -> int:
+    """Return the sides that draw no current, bits 0 to 3 top to left."""
+    return sum(1 << side for side in range(len(SIDE_NAMES)) if Fault.OPEN_TOP << side & faults)
+
+
+def sides_of(mask: int) -> tuple[str, ...]:
+    """Return the names of the sides whose bits are set."""
+    return tuple(name for side, name in enumerate(SIDE_NAMES) if mask >> side & 1)
+
+
 def explain(faults: Fault) -> list[str]:
     """Return a sentence for each fault: what it means and the remedy."""
     explained = [meaning for fault, meaning in _MEANINGS.items() if fault in faults]
     for side, name in enumerate(SIDE_NAMES):
         if Fault(Fault.OPEN_TOP << side) in faults:
-            explained.append(
-                f"{name} side: no current; look for an open LED, a loose plug or a missing supply"
-            )
+            explained.append(f"{name} side: no current; {OPEN_LED_REMEDY}")
         if Fault(Fault.SHORT_TOP << side) in faults:
             explained.append(
                 f"{name} side: too much current, all sides are off; look for a shorted LED or "

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from math import hypot
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from led_board import LIGHT, Board, Heard
-from lit_rig import FULL_LEVEL, Lights, LitRig
+from lit_rig import FULL_LEVEL, Flash, Lights, LitRig
 
 from cornertouchd.calibration.calibration import Calibration
 from cornertouchd.config import CamerasSettings, LedFrameSettings, Settings
@@ -154,6 +155,16 @@ def end(loop: Loop) -> None:
     loop.board.close()
 
 
+def newest(loop: Loop) -> Flash:
+    return loop.rig.flashes[max(loop.rig.flashes)]
+
+
+def masked(loop: Loop) -> tuple[str, ...]:
+    told = loop.daemon.light_state()
+    assert told is not None
+    return told.masked
+
+
 def errors_mm(loop: Loop, frames: int) -> list[float]:
     """Touch both fingers for a while; return how far off the touches are."""
     loop.rig.touched = True
@@ -208,6 +219,49 @@ def test_a_reset_in_mid_gesture_makes_no_false_touch(start: Start, lights: Light
     )
 
 
+def test_the_first_shadow_wakes_dimmed_leds_for_the_next_picture(
+    start: Start, lights: Lights
+) -> None:
+    """Nothing but a busy machine makes it later: one of a few times is as it should be."""
+    loop = start(lights, dim_after_s=1.0, dim_level=0.5)
+    late = []
+    for _ in range(5):
+        loop.rig.touched = False
+        loop.seen.wait_until(lambda: newest(loop).levels[0] == FULL_LEVEL // 2, "dimmed LEDs")
+        loop.seen.wait_for_frames(20)
+        loop.rig.touched = True
+        loop.seen.wait_until(lambda: newest(loop).levels[0] == FULL_LEVEL, "full light")
+        flashes = [loop.rig.flashes[number] for number in sorted(loop.rig.flashes)]
+        shadow = max(
+            after.number
+            for before, after in pairwise(flashes)
+            if after.touched and not before.touched
+        )
+        awake = next(
+            one.number for one in flashes if one.number > shadow and one.levels[0] == FULL_LEVEL
+        )
+        late.append(awake - shadow)
+    print(f"full light so many pictures after the first shadow: {late}")
+    assert min(late) == 1
+
+
+def test_leds_that_the_controller_finds_open_are_masked_and_make_no_touch(
+    start: Start, calibration: Calibration
+) -> None:
+    lights = Lights(SEED, None, FINGERS)
+    loop = start(lights)
+    before = len(loop.seen.frames)
+    lights.dead_columns = {"C1": [slice(312, 331)]}
+    loop.board.do("open 2")
+    said = "camera C1: right side: open LED, columns 3"
+    loop.seen.wait_until(lambda: any(said in one for one in masked(loop)), "masked columns")
+    print(masked(loop))
+    loop.seen.wait_for_frames(40)
+    assert not any(loop.seen.frames[before:])
+    assert not loop.daemon.dirt
+    assert np.median(errors_mm(loop, 60)) < 0.6
+
+
 def test_unplugged_lifts_touches_and_plugged_in_brings_them_back(
     start: Start, lights: Lights
 ) -> None:
@@ -223,9 +277,8 @@ def test_unplugged_lifts_touches_and_plugged_in_brings_them_back(
 def test_masks_of_frames_that_the_board_told(board: Board, heard: Heard) -> None:
     """10,000 frames, each side in turn, 1 % of pictures dropped.
 
-    The emulated board falls behind its time now and then, which no real one does, and a report that
-    is late by whole frames may cost a mask or two before it is noticed; seldom more, however busy
-    the machine.  On a clock that keeps its time no mask is wrong: tests/unit/test_lit_masks.py.
+    However late reports come, no mask is wrong.  How many are known is judged only where the
+    machine is fast enough to emulate the board without falling behind its time.
     """
     period_us, count, sides = 4000, 10_000, (2, 4)
     reports = FrameReports(period_us / 1e6)
@@ -257,7 +310,8 @@ def test_masks_of_frames_that_the_board_told(board: Board, heard: Heard) -> None
                 wrong += told not in (None, mask)
     finally:
         link.close()
-    print(f"{seen} pictures: {wrong} wrong, {unknown} unknown")
+    lags = board.do("get")["lags"]
+    print(f"{seen} pictures: {wrong} wrong, {unknown} unknown; {lags} times behind")
     assert seen >= count
-    assert wrong < count // 500
-    assert unknown < count // 2  # an emulation that cannot keep time makes times doubtful
+    assert wrong == 0
+    assert lags or unknown < count // 20
