@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from cornertouchd.devices.camera_places import bus_mates
@@ -52,7 +52,8 @@ def complaints(survey: Survey) -> Iterator[str]:
 
 
 def _cameras(survey: Survey) -> Table:
-    table = Table("corner", "node", "USB port", "camera", "driver", "bus", "modes", "MB/s")
+    node, port = Column("node", no_wrap=True), Column("USB port", no_wrap=True)
+    table = Table("corner", node, port, "camera", "driver", "bus", "modes", "MB/s")
     for camera in survey.cameras:
         place, usb = camera.place, camera.place.usb
         table.add_row(

@@ -51,8 +51,8 @@ def bench(tmp_path: Path) -> Bench:
 ALL_BOUND = {corner: f"port:1-{corner[1]}" for corner in CORNERS}
 
 
-def shown(survey: Survey) -> str:
-    console = Console(width=160, record=True, file=None, quiet=False, force_terminal=False)
+def shown(survey: Survey, width: int = 160) -> str:
+    console = Console(width=width, record=True, file=None, quiet=False, force_terminal=False)
     with console.capture() as captured:
         console.print(show_survey(survey))
     return captured.get()
@@ -72,6 +72,13 @@ def test_cameras_that_are_bound_and_fit_leave_nothing_to_say(bench: Bench) -> No
     assert load.bytes_s == pytest.approx(4 * 640 * 480 * 30)
     table = shown(survey)
     for text in ("C3", "/dev/video4", "1-3", "uvcvideo", "480 Mbit/s", "uses GREY", "9.2", "fits"):
+        assert text in table
+
+
+def test_nodes_and_ports_can_be_read_in_a_narrow_terminal(bench: Bench) -> None:
+    bench.plug_in_four()
+    table = shown(bench.survey(**ALL_BOUND), width=80)
+    for text in ("C3", "/dev/video4", "1-3"):
         assert text in table
 
 
