@@ -28,8 +28,6 @@ SCENES = Path("/host/show")
 PACKAGE = Path("/host/packages/cornertouchd.deb")
 CONFIG = Path("/etc/cornertouchd/cornertouchd.toml")
 SECTIONS = ("Install", "Set up")
-LIFTED_S = 0.4
-"""A finger is away for so long between two taps."""
 TOUCHES_WITHIN_S = 60.0
 WATCH_S = 2 * LOOP_S
 
@@ -96,24 +94,12 @@ class User:
         elif freeing:
             self.rig.go(freeing[1])
         elif tapping:
-            self._tap(f"{tapping[1]} {tapping[2]}")
+            lifting = "lift the finger" in line
+            self.show("empty" if lifting else f"{tapping[1]} {tapping[2]}")
         elif line.startswith("Scribble"):
-            self._turn_to("scribble")
+            self.show("scribble")
         elif line.startswith(("Empty", "Cameras")):
-            self._turn_to("empty")
-
-    _seen = ""
-
-    def _tap(self, place: str) -> None:
-        if place != self._seen:
-            self._turn_to("empty")
-            time.sleep(LIFTED_S)
-        self._turn_to(place)
-
-    def _turn_to(self, scene: str) -> None:
-        if scene != self._seen:
-            self._seen = scene
-            self.show(scene)
+            self.show("empty")
 
     def write(self, settings: str) -> None:
         """Change the settings of the configuration that the page shows, each in its place."""
