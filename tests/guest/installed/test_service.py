@@ -324,6 +324,7 @@ def test_a_configuration_that_cannot_be_used_is_told_and_not_tried_in_haste(
         lambda: "does not start" in shows(unit, "StatusText")[0], "why it does not start", unit
     )
     run("systemctl", "stop", unit)
+    assert shows(unit, "ActiveState") == ["inactive"]
     assert journal(unit).count("unknown key") == 1
 
 
