@@ -28,6 +28,7 @@ from cornertouchd.model import (
     Frame,
     FrameSet,
     Observation,
+    Outlines,
     Shadows,
     Touch,
 )
@@ -100,13 +101,12 @@ class CameraPipeline:
         """Return the shadows in a picture, whatever was before.  Raises `PictureError`."""
         self._require_size(frame)
         if not isinstance(self._finder, ProfileFinder):
-            return self._believed(frame, self._finder.find(frame.pixels))
+            return self._observation(frame, self._finder.find(frame.pixels), None)
         try:
             shadows, gain = self._finder.find_with_hidden(frame.pixels)
         except NoiseError as error:
             raise PictureError(str(error)) from None
-        observation = self._believed(frame, shadows)
-        return self._outlined(frame, observation, self._finder.sampler.reference, gain)
+        return self._outlined(frame, shadows, self._finder.sampler.reference, gain)
 
     def observe(self, frame: Frame) -> Observation:
         """Return the shadows in a picture, and learn from it.  Raises `PictureError`."""
@@ -117,10 +117,12 @@ class CameraPipeline:
             sight = self._background.look(frame.pixels, frame.captured_at_s)
         except NoiseError as error:
             raise PictureError(str(error)) from None
-        observation = self._believed(frame, sight.shadows)
-        reference, gain = self._background.reference, sight.measured.gain
+        reference = self._background.reference
+        observation = self._outlined(
+            frame, sight.shadows, reference, sight.measured.gain, self._background.dark
+        )
         self._background.learn(sight)
-        return self._outlined(frame, observation, reference, gain, self._background.dark)
+        return observation
 
     def learn_dark(self, frame: Frame) -> None:
         """Learn the light of the surroundings where no LED was lit.  Raises `PictureError`."""
@@ -202,28 +204,35 @@ class CameraPipeline:
                 f"{self._shape[1]}x{self._shape[0]}"
             )
 
-    def _believed(self, frame: Frame, shadows: Shadows) -> Observation:
-        if len(shadows) > MOST_SHADOWS:
-            raise PictureError(
-                f"{len(shadows)} shadows in one picture, {MOST_SHADOWS} are believed: "
-                "noise, or the LED frame flickers"
-            )
-        # dark pictures are not missing: only lit ones are counted
-        number = frame.sequence - self._dark_pictures
-        return Observation(frame.camera, number, frame.captured_at_s, shadows)
-
     def _outlined(
         self,
         frame: Frame,
-        seen: Observation,
+        shadows: Shadows,
         reference: Reference,
         gain: float,
         dark: MeanPicture | None = None,
     ) -> Observation:
         if not self._settings.touch_point.enabled:
-            return seen
-        outlines = self._tracer.trace(frame.pixels, seen.shadows, reference, gain, dark)
-        return Observation(seen.camera, seen.sequence, seen.captured_at_s, seen.shadows, outlines)
+            return self._observation(frame, shadows, None)
+        _require_believable(shadows)
+        outlines = self._tracer.trace(frame.pixels, shadows, reference, gain, dark)
+        return self._observation(frame, shadows, outlines)
+
+    def _observation(
+        self, frame: Frame, shadows: Shadows, outlines: Outlines | None
+    ) -> Observation:
+        _require_believable(shadows)
+        # dark pictures are not missing: only lit ones are counted
+        number = frame.sequence - self._dark_pictures
+        return Observation(frame.camera, number, frame.captured_at_s, shadows, outlines)
+
+
+def _require_believable(shadows: Shadows) -> None:
+    if len(shadows) > MOST_SHADOWS:
+        raise PictureError(
+            f"{len(shadows)} shadows in one picture, {MOST_SHADOWS} are believed: "
+            "noise, or the LED frame flickers"
+        )
 
 
 def line_tables(calibration: Calibration) -> dict[str, LineTable]:

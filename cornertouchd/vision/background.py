@@ -123,11 +123,11 @@ class Background:
         shadows = find_shadows(
             measured.profile,
             self._vision,
-            sunlit=measured.is_sunlit(self._reference, self._vision.saturated_grey),
+            sunlit=measured.sunlit,
             hiding=self._reference.on_strip,
         )
         self._known = measured.profile.known
-        self._covered = is_cover(shadows, int(np.count_nonzero(self._reference.on_strip)))
+        self._covered = is_cover(shadows, self._reference.on_strip)
         return Sight(captured_at_s, measured, shadows)
 
     def learn(self, sight: Sight) -> None:

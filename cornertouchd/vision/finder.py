@@ -33,8 +33,7 @@ class ProfileFinder:
     def look(self, picture: Picture, reference: Reference) -> tuple[Measured, Shadows]:
         """Return what a picture shows, measured against any reference."""
         measured = self.sampler.measure(picture, reference)
-        sunlit = measured.is_sunlit(reference, self._settings.saturated_grey)
-        return measured, find_shadows(measured.profile, self._settings, sunlit=sunlit)
+        return measured, find_shadows(measured.profile, self._settings, sunlit=measured.sunlit)
 
     def find_with_hidden(self, picture: Picture) -> tuple[Shadows, float]:
         """Return them with places where one could be hidden, as `find_shadows` does, and the gain.
@@ -47,7 +46,7 @@ class ProfileFinder:
         shadows = find_shadows(
             measured.profile,
             self._settings,
-            sunlit=measured.is_sunlit(reference, self._settings.saturated_grey),
+            sunlit=measured.sunlit,
             hiding=reference.on_strip,
         )
         return shadows, measured.gain

@@ -29,6 +29,7 @@ class Measured(NamedTuple):
 
     `light` is the mean of a column's pixels, `peak` the brightest; `gain` is how much brighter than
     the reference the uncovered strip is; `rough_share` of the columns differ much from the next.
+    `sunlit` tells whether sunlight is to be reckoned with, that of the reference or a new one.
     A tuple, since it is made for every picture.
     """
 
@@ -37,14 +38,7 @@ class Measured(NamedTuple):
     peak: FloatArray
     gain: float
     rough_share: float
-
-    def is_sunlit(self, reference: Reference, saturated_grey: float) -> bool:
-        """Tell whether sunlight is to be reckoned with, that of the reference or a new one."""
-        if reference.sunlit:
-            return True
-        full = reference.usable & (self.peak >= saturated_grey)
-        usable = int(np.count_nonzero(reference.usable))
-        return int(np.count_nonzero(full)) > SUNLIT_SHARE * usable
+    sunlit: bool
 
     def require_strip(self) -> None:
         """Raise `NoiseError` if this can be no strip, whatever stands before it."""
@@ -80,7 +74,7 @@ class ProfileSampler:
 
     def measure(self, picture: Picture, reference: Reference, gain_before: float = 1.0) -> Measured:
         """Measure a picture against any reference; `gain_before` is the gain to be expected."""
-        brightness, known, light, peak, gain, rough_share = _measure(
+        brightness, known, light, peak, gain, rough_share, is_full = _measure(
             np.ascontiguousarray(picture),
             self.taps.first_rows,
             self.taps.weights,
@@ -91,7 +85,9 @@ class ProfileSampler:
             self._saturated_grey,
             gain_before,
         )
-        return Measured(Profile(brightness, known), light, peak, gain, rough_share)
+        return Measured(
+            Profile(brightness, known), light, peak, gain, rough_share, reference.sunlit or is_full
+        )
 
 
 def shows_strip(strip: Strip, empty: FloatArray, settings: VisionSettings) -> bool:
@@ -141,7 +137,7 @@ def _rough_share(brightness: FloatArray, known: BoolArray) -> float:
 
 
 @compiled(
-    "Tuple((f8[::1], b1[::1], f8[::1], f8[::1], f8, f8))("
+    "Tuple((f8[::1], b1[::1], f8[::1], f8[::1], f8, f8, b1))("
     "Array(u1, 2, 'C', readonly=True), i8[::1], f8[:,::1], "
     "f8[::1], f8[::1], b1[::1], b1[::1], f8, f8)"
 )
@@ -155,22 +151,26 @@ def _measure(
     clipped: BoolArray,
     saturated_grey: float,
     gain_before: float,
-) -> tuple[FloatArray, BoolArray, FloatArray, FloatArray, float, float]:
+) -> tuple[FloatArray, BoolArray, FloatArray, FloatArray, float, float, bool]:
     """Return brightness, known columns, light and peak (all (width_px,)), gain and rough share.
 
     A column at full scale that is not so without a touch is not known: how bright it is cannot be
-    told.
+    told.  The last value tells whether so many are at full scale that the sun shines in.
     """
     width = len(black)
     light, peak = np.zeros(width), np.zeros(width)
     brightness, known = np.empty(width), np.empty(width, np.bool_)
     _sum_taps(picture, first_rows, weights, light, peak)
+    useful = full = 0
     for column in range(width):
         brightness[column] = (light[column] - black[column]) * scale[column]
-        known[column] = usable[column] & ((peak[column] < saturated_grey) | clipped[column])
+        is_full = peak[column] >= saturated_grey
+        known[column] = usable[column] & ((not is_full) | clipped[column])
+        useful += int(usable[column])
+        full += int(usable[column] & is_full)
     gain = most_frequent_brightness(brightness, known, gain_before)
     for column in range(width):
         brightness[column] *= 1.0 / gain
     rough_share = _rough_share(brightness, known)
     fill_in(brightness, known)
-    return brightness, known, light, peak, gain, rough_share
+    return brightness, known, light, peak, gain, rough_share, full > SUNLIT_SHARE * useful

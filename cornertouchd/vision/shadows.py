@@ -369,9 +369,10 @@ def _find(
     return edges[:count] + first, valid, depth[:count].copy()
 
 
-def is_cover(shadows: Shadows, strip_px: int) -> bool:
+def is_cover(shadows: Shadows, on_strip: BoolArray) -> bool:
     """Tell whether one shadow without valid edges takes nearly all columns of the strip."""
     if len(shadows) != 1 or shadows.valid.any():
         return False
     left_px, right_px = shadows.edges_px[0]
+    strip_px = int(np.count_nonzero(on_strip))
     return bool(right_px - left_px > SHARE_OF_A_COVER * strip_px and shadows.depth[0] > 0.0)

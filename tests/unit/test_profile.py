@@ -115,10 +115,10 @@ def test_sun_that_shines_in_is_reckoned_with_at_once() -> None:
     flash[:, 50:56] = 255
     for light, sunlit in ((picture(), False), (flash, True)):
         measured = SAMPLER.measure(expose(light), SAMPLER.reference)
-        assert measured.is_sunlit(SAMPLER.reference, VisionSettings().saturated_grey) == sunlit
+        assert measured.sunlit == sunlit
     dazzled = ProfileSampler(STRIP, flash, VisionSettings())
     measured = dazzled.measure(expose(picture()), dazzled.reference)
-    assert measured.is_sunlit(dazzled.reference, VisionSettings().saturated_grey)
+    assert measured.sunlit
 
 
 def test_pictures_that_may_not_be_written_or_lie_apart_are_measured_as_well() -> None:
