@@ -100,6 +100,8 @@ class DisplayMapping:
         v = (y_mm - self.top_mm) / self.height_mm
         if not (0.0 <= u <= 1.0 and 0.0 <= v <= 1.0):
             u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+        if self.rotation_deg == 0 and not self.mirror:  # as most are
+            return u, v
         swapped, x_backwards, y_backwards = _AXES[self.rotation_deg, self.mirror]
         x, y = (v, u) if swapped else (u, v)
         return (1.0 - x if x_backwards else x), (1.0 - y if y_backwards else y)
@@ -118,6 +120,8 @@ class DisplayMapping:
             )
         u_per_s = vx_mm_s / self.width_mm
         v_per_s = vy_mm_s / self.height_mm
+        if self.rotation_deg == 0 and not self.mirror:
+            return u_per_s, v_per_s
         swapped, x_backwards, y_backwards = _AXES[self.rotation_deg, self.mirror]
         x_per_s, y_per_s = (v_per_s, u_per_s) if swapped else (u_per_s, v_per_s)
         return (-x_per_s if x_backwards else x_per_s), (-y_per_s if y_backwards else y_per_s)

@@ -149,8 +149,11 @@ class TuioSession:
         }
         if not before and not self._known:
             return []
-        continuing = [cursor for key, cursor in self._known.items() if key in before]
-        new = [cursor for key, cursor in self._known.items() if key not in before]
+        if self._known.keys() == before.keys():  # as nearly always
+            continuing, new = list(self._known.values()), []
+        else:
+            continuing = [cursor for key, cursor in self._known.items() if key in before]
+            new = [cursor for key, cursor in self._known.items() if key not in before]
         fseq = self._fseq
         self._fseq = (fseq + 1) % _INT32_COUNT
         self._told_fseq = fseq
@@ -177,16 +180,12 @@ class TuioSession:
         shown = {}
         contains, isfinite = self._mapping.contains, math.isfinite
         for touch in touches:
-            x_mm, y_mm = touch.x_mm, touch.y_mm
-            if not (
-                isfinite(x_mm)
-                and isfinite(y_mm)
-                and isfinite(touch.vx_mm_s)
-                and isfinite(touch.vy_mm_s)
-            ):
+            touch_id, x_mm, y_mm, vx_mm_s, vy_mm_s = touch[:5]
+            # the sum of finite numbers is finite, but for the very largest
+            if not isfinite(x_mm + y_mm + vx_mm_s + vy_mm_s) and not all(map(isfinite, touch[1:5])):
                 self._left_out += 1
             elif contains(x_mm, y_mm):
-                shown[touch.id] = touch
+                shown[touch_id] = touch
         if len(shown) <= MAX_CURSORS:
             return shown
         self._left_out += len(shown) - MAX_CURSORS
@@ -195,10 +194,9 @@ class TuioSession:
 
     def _advance(self, touch: Touch, before: Cursor | None, elapsed_s: float) -> Cursor:
         """Return what to tell of a touch, given what was told of it `elapsed_s` ago."""
-        x, y = self._mapping.to_display(touch.x_mm, touch.y_mm)
-        x_speed, y_speed = self._mapping.velocity_to_display(
-            touch.vx_mm_s, touch.vy_mm_s, touch.x_mm, touch.y_mm
-        )
+        _, x_mm, y_mm, vx_mm_s, vy_mm_s = touch[:5]
+        x, y = self._mapping.to_display(x_mm, y_mm)
+        x_speed, y_speed = self._mapping.velocity_to_display(vx_mm_s, vy_mm_s, x_mm, y_mm)
         if abs(x_speed) + abs(y_speed) > _MAX_FLOAT32:
             x_speed, y_speed = _to_float32(x_speed), _to_float32(y_speed)
         if before is None:
