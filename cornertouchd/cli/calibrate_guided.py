@@ -29,7 +29,8 @@ from cornertouchd.guiding.status import StepName
 from cornertouchd.guiding.strip_picture import draw_strip_statistics
 from cornertouchd.guiding.validation import Validated, Validation
 from cornertouchd.model import FloatArray
-from cornertouchd.runtime.assembly import find_display
+from cornertouchd.runtime.assembly import calibration_file
+from cornertouchd.runtime.displays import find_displays
 from cornertouchd.runtime.guide_feed import GuideFeed
 from cornertouchd.runtime.stamping import stamp_now
 from cornertouchd.runtime.stop_signal import StopSignal
@@ -163,7 +164,7 @@ def _how_to_go_on(store: TapStore, options: GuideOptions) -> str:
 def _display(settings: Settings) -> DisplayPlace | None:
     """Return where the display lies; nowhere if that cannot be used, for it is found out anew."""
     try:
-        return find_display(settings, os.environ)
+        return find_displays(settings, calibration_file(settings, os.environ)).get("")
     except CalibrationError:
         return None
 
