@@ -22,7 +22,8 @@ IDLE_S = 20.0
 MOST_CONNECTIONS = 200
 """Browsers open six each; more than all viewers need is an attack or an accident."""
 
-END_WITHIN_S = 1.0
+LINGERING_S = 1.0
+"""What is left of a request that was refused is read for so long."""
 
 
 def main() -> None:
@@ -53,22 +54,19 @@ async def _serve(options: PageOptions) -> None:
         access_log_class=CountingLogger,
         access_log=logging.getLogger("cornertouchd.page"),
         keepalive_timeout=IDLE_S,
-        lingering_time=END_WITHIN_S,
+        lingering_time=LINGERING_S,
         max_line_size=LARGEST_HEADERS,
         max_field_size=LARGEST_HEADERS,
         max_headers=MOST_HEADERS,
-        shutdown_timeout=END_WITHIN_S,
     )
     await runner.setup()
-    try:
-        listening = await _listen(runner.server, options)
-        _say({"serving": options.address})
-        telling = asyncio.ensure_future(page.tell())
-        await _end()
-        telling.cancel()
-        listening.close()
-    finally:
-        await runner.cleanup()
+    listening = await _listen(runner.server, options)
+    _say({"serving": options.address})
+    telling = asyncio.ensure_future(page.tell())
+    await _end()
+    # Nobody is said farewell to: browsers see that the page is gone, as when the daemon is killed.
+    telling.cancel()
+    listening.close()
 
 
 async def _listen(server: web.Server | None, options: PageOptions) -> asyncio.Server:

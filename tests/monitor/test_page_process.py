@@ -186,11 +186,10 @@ def test_twenty_viewers_one_of_them_stopped_cost_no_frame_set_and_no_memory(demo
 
 def test_a_viewer_who_has_stopped_loses_his_place(demo):
     """No answer to a ping: the browser is gone without a word, or its machine sleeps."""
+    viewers = "cornertouchd_page_viewers"
     with asyncio.run(_stopped_viewer(demo)):
-        wait_until(lambda: demo.metric("cornertouchd_page_viewers") == 1, "the viewer")
-        wait_until(
-            lambda: demo.metric("cornertouchd_page_viewers") == 0, "his end", 2 * HEARTBEAT_S
-        )
+        wait_until(lambda: demo.metric(viewers) == 1, "the viewer")
+        wait_until(lambda: demo.metric(viewers) == 0, "his end", 2 * HEARTBEAT_S)
 
 
 async def _stopped_viewer(demo: RunningDaemon) -> socket.socket:
