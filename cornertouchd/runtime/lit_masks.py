@@ -26,12 +26,12 @@ LATE_BEFORE_ANEW = 50
 frames is taken from the next report."""
 
 LATE_PERIODS = 0.5
-"""A report that is later than the clocks allow makes the time of its frame doubtful, one that is so
-much earlier the times of those before."""
+"""A report that is later than the clocks allow makes the time of its frame doubtful.  One that is
+so much earlier says that all before it came late: they are forgotten."""
 
 LATELY, MOST_DOUBTFUL = 8, 1
 """From so many periods before a picture on, one doubtful report is a machine that was busy.  With
-more of them all times may have moved, by whole periods, too: what was found is sought anew."""
+more of them the controller may have stopped for a while, and its times are not what they were."""
 
 LATEST_REPORT_PERIODS = 8.0
 """A picture that is later than the last report by more cannot be assigned."""
@@ -79,7 +79,7 @@ CONTRADICTIONS_BEFORE_ANEW = 12
 class ReportedFrame:
     """A frame of the controller: when it began, as told by when reports arrived.
 
-    Of a report that came much later or earlier than the others, when it began is doubtful.
+    Of a report that came much later than the others, when it began is doubtful.
     """
 
     number: int
@@ -118,11 +118,11 @@ class FrameReports:
                 early = expected_s - received_at_s > LATE_PERIODS * self.period_s
                 self._late_in_a_row = self._late_in_a_row + 1 if late else 0
             if last is not None and (
-                report.frame <= last.number or self._late_in_a_row >= LATE_BEFORE_ANEW
+                early or report.frame <= last.number or self._late_in_a_row >= LATE_BEFORE_ANEW
             ):
                 self._begin_anew()
-                began_at_s, late, early = received_at_s, False, False
-            frame = ReportedFrame(report.frame, report.lit_mask, began_at_s, late or early)
+                began_at_s, late = received_at_s, False
+            frame = ReportedFrame(report.frame, report.lit_mask, began_at_s, late)
             self._frames.append(frame)
 
     def begin_anew(self) -> None:
@@ -224,7 +224,6 @@ class MaskMatcher:
             return None
         since_s = captured_at_s - LATELY * period_s
         if sum(one.doubtful for one in frames if one.began_at_s >= since_s) > MOST_DOUBTFUL:
-            self._begin_anew()
             return None
         if periods < 0.0:  # the frame that it is in tells better: clocks drift
             last = next((one for one in reversed(frames) if one.began_at_s <= captured_at_s), last)
