@@ -55,6 +55,7 @@ transport = "tcp"
 port = {server}
 [monitor]
 enabled = false
+keep_s = 0
 """
 SHAKE = (
     b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
