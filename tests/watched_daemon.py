@@ -13,6 +13,7 @@ from cornertouchd.runtime.led_light import LightState
 from cornertouchd.wire.live import Moment
 
 GAME = DestinationStatus("127.0.0.1", 3333, 10, 0, None)
+RATE_HZ = 100.0
 
 
 class FakeSink:
@@ -44,9 +45,15 @@ class WatchedDaemon:
     @property
     def stages(self) -> Any:
         return SimpleNamespace(
-            captures={name: SimpleNamespace(pipeline=self.pipeline) for name in self.cameras},
+            captures={
+                name: SimpleNamespace(pipeline=self.pipeline, light=None) for name in self.cameras
+            },
             fusion=SimpleNamespace(
                 sinks=[self.sink], pipeline=SimpleNamespace(supports=self.supports)
+            ),
+            settings=SimpleNamespace(
+                cameras=SimpleNamespace(rate_hz=RATE_HZ),
+                led_frame=SimpleNamespace(enabled=False),
             ),
             calibration=SimpleNamespace(created_at="2026-01-02T03:04:05+00:00", residual_mm=0.1),
         )
@@ -66,9 +73,11 @@ class WatchedDaemon:
     def fusion_counts(self) -> FusionCounts:
         return self.fusion
 
-    def go_on(self, seconds: float, frame_sets: int, turns: int = 1) -> None:
+    def go_on(
+        self, seconds: float, frame_sets: int, turns: int = 1, pictures: int | None = None
+    ) -> None:
         self.time_s += seconds
-        self.pictures += frame_sets
+        self.pictures += frame_sets if pictures is None else pictures
         self.fusion = replace(
             self.fusion,
             frame_sets=self.fusion.frame_sets + frame_sets,

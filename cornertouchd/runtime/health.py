@@ -1,7 +1,7 @@
 """How the daemon does: one value with everything that status, metrics and the page tell."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Literal, Protocol, runtime_checkable
 
@@ -20,6 +20,12 @@ State = Literal["healthy", "degraded"]
 
 LOOK_EVERY_S = 1.0
 """Rates over less than this jump about."""
+
+SLOW_SHARE = 0.8
+"""Of the rate that is set; what comes less often is told."""
+
+STARTING_S = 5.0
+"""Cameras begin one after the other."""
 
 ROUNDING_S = 1e-6
 """Of the difference of two times."""
@@ -161,7 +167,10 @@ class HealthWatch:
         return Health(
             "degraded" if problems else "healthy",
             problems,
-            tuple(self._hints(cameras, destinations, screens)),
+            (
+                *self._hints(cameras, destinations, screens),
+                *self._slow(cameras, frame_sets_per_s, up_s),
+            ),
             up_s,
             frame_sets_per_s,
             fusion,
@@ -227,6 +236,31 @@ class HealthWatch:
             *(f"TUIO to {to.host}:{to.port}: {to.fault}" for to in destinations if to.fault),
             *(f"touchscreen {each.name}: {each.fault}" for each in screens if each.fault),
         ]
+
+    def _slow(
+        self, cameras: Sequence[CameraHealth], frame_sets_per_s: float, up_s: float
+    ) -> Iterator[str]:
+        """Say what comes less often than it should."""
+        if up_s < STARTING_S:
+            return
+        settings = self._daemon.stages.settings
+        live = [each for each in cameras if each.live]
+        slowest_per_s = min((each.pictures_per_s for each in live), default=0.0)
+        if frame_sets_per_s < SLOW_SHARE * slowest_per_s:
+            yield (
+                f"{frame_sets_per_s:.0f} frame sets a second of {slowest_per_s:.0f} pictures: is "
+                "this machine too slow (`cornertouchd bench`), or are cameras not triggered "
+                "together?"
+            )
+        elif not settings.led_frame.enabled:  # of its pictures only those with all sides lit count
+            rate_hz = settings.cameras.rate_hz
+            for each in live:
+                if each.pictures_per_s < SLOW_SHARE * rate_hz:
+                    yield (
+                        f"camera {each.id}: {each.pictures_per_s:.0f} pictures a second of "
+                        f"{rate_hz:g}: make its exposure shorter, or lower cameras.rate_hz to what "
+                        "it gives"
+                    )
 
 
 def _problems(

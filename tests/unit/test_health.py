@@ -65,6 +65,24 @@ def test_a_lost_camera_is_a_problem_and_what_may_become_one_a_hint(
     )
 
 
+def test_what_comes_less_often_than_it_should_is_a_hint(
+    rig: WatchedDaemon, watch: HealthWatch
+) -> None:
+    rig.go_on(10.0, 250, pictures=1000)
+    watch.look()
+    (machine,) = watch.now.hints
+    assert machine.startswith("25 frame sets a second of 100 pictures")
+    rig.go_on(10.0, 400)
+    watch.look()
+    assert [hint[:46] for hint in watch.now.hints] == [
+        "camera C1: 40 pictures a second of 100: make i",
+        "camera C2: 40 pictures a second of 100: make i",
+    ]
+    rig.go_on(1.0, 99)
+    watch.look()
+    assert watch.now.hints == ()
+
+
 def test_cameras_without_frame_sets_are_a_problem(rig: WatchedDaemon, watch: HealthWatch) -> None:
     rig.go_on(1.0, 0)
     watch.look()
