@@ -118,6 +118,7 @@ def test_a_service_that_runs_is_well(kiosk: Kiosk) -> None:
         ({"LoadState": "not-found"}, "warning", ["not installed"]),
         ({"ActiveState": "failed"}, "error", ["fails", "journalctl"]),
         ({"ActiveState": "activating", "StatusText": "does not start: x"}, "error", ["not start"]),
+        ({"ActiveState": "inactive", "StatusText": "does not start: x"}, "warning", ["inactive"]),
         ({"ActiveState": "active", "StatusText": "degraded: C3 lost"}, "warning", ["C3 lost"]),
         ({"ActiveState": "inactive"}, "warning", ["inactive", "systemctl start"]),
     ],

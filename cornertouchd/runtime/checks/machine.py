@@ -31,7 +31,8 @@ def service_of(installation: Installation) -> Iterator[Finding]:
         )
         return
     status = installation.unit_property("StatusText")
-    if state == "failed" or "does not start" in status:
+    # what the unit said last stays when it has been stopped
+    if state == "failed" or ("does not start" in status and state != "inactive"):
         yield wrong("service", f"{name} fails: {status or state}", f"journalctl -u {name}")
     elif state == "active":
         make = doubtful if "degraded" in status or "refused" in status else None
