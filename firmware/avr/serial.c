@@ -79,8 +79,11 @@ bool serial_send(const uint8_t *bytes, uint8_t count, bool must)
             return false;
         wdt_reset(); /* 256 bytes leave in 5 ms */
     }
+    /* The interrupt may be sending what came before: it must see the bytes before it sees their end. */
+    uint8_t end = send_head;
     while (count--)
-        to_send[send_head++] = *bytes++;
+        to_send[end++] = *bytes++;
+    send_head = end;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { UCSR0B |= _BV(UDRIE0); }
     return true;
 }
