@@ -28,7 +28,8 @@ def settings_for(board: Board, **led_frame: Any) -> Settings:
 
 
 def flashes_of(board: Board) -> list[int]:
-    """Count how often each side shone within a while."""
+    """Count how often each side shone within a while; what it was told last is still on its way."""
+    board.wait_ms(20)
     board.do("zero")
     board.wait_ms(200)
     lit: list[int] = board.do("get")["lit"]
