@@ -242,6 +242,7 @@ def opening_failed(name: str, error: Exception) -> str:
     remedy = {
         errno.ENOENT: "it is not there; plug the LED frame in or correct the name",
         errno.EACCES: "not allowed; add the daemon's user to the group of the port (dialout)",
+        errno.EPERM: "its service may not open it; add a DeviceAllow= to the unit (led-frame.md)",
         errno.EAGAIN: "another program uses it; end that program",
         errno.EBUSY: "another program uses it; end that program",
     }.get(number or 0, f"{error}; check that it is a serial port")

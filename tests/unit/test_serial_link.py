@@ -1,5 +1,6 @@
 """The LED frame's port: a thread that keeps it as wanted, and never lets anybody wait."""
 
+import errno
 import os
 import pty
 import select
@@ -276,6 +277,18 @@ def test_a_port_in_use_is_told(controller: Controller, heard: Heard, link: Path)
         frame.start()
         heard.wait_for_fault("another program uses it")
         frame.close()
+
+
+def test_a_port_that_the_unit_keeps_closed_is_told(heard: Heard) -> None:
+    """What the kernel says where DevicePolicy forbids, whatever the mode of the device."""
+
+    def refuse(name: str) -> Any:
+        raise serial.SerialException(errno.EPERM, f"could not open port {name}")
+
+    frame = SerialLedFrame("/dev/ttyAMA0", heard, heard, open_port=refuse)
+    frame.start()
+    heard.wait_for_fault("/dev/ttyAMA0: its service may not open it; add a DeviceAllow=")
+    frame.close()
 
 
 @pytest.mark.parametrize("error", [serial.SerialException("odd"), OSError(5, "I/O"), TypeError()])
