@@ -33,6 +33,13 @@ def make(directory: Path, target: str, build: Path) -> str:
     return done.stdout
 
 
+def build_board(into: Path) -> Path:
+    """Build the firmware and the board that runs it; return where."""
+    make(ROOT / "firmware", "avr", into)
+    make(ROOT / "tests" / "firmware" / "board", f"{into}/board", into)
+    return into
+
+
 class Board:
     """One emulated board; `link` is the name of its serial port."""
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from led_board import LIGHT, ROOT, Board, Heard, make
+from led_board import LIGHT, Board, Heard, build_board
 
 from cornertouchd.devices.serial_link import SerialLedFrame
 
@@ -12,10 +12,7 @@ from cornertouchd.devices.serial_link import SerialLedFrame
 @pytest.fixture(scope="session")
 def build(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where the firmware and the emulated board are built, for the whole session."""
-    directory = tmp_path_factory.mktemp("build")
-    make(ROOT / "firmware", "avr", directory)
-    make(Path(__file__).parent / "board", f"{directory}/board", directory)
-    return directory
+    return build_board(tmp_path_factory.mktemp("build"))
 
 
 @pytest.fixture

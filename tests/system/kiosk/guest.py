@@ -52,12 +52,15 @@ class KioskGuest:
 
     The folder `share` is /host in the guest: `checkout` is a copy of the files of the checkout,
     new ones included; `compiled` holds compiled kernels and may be filled beforehand.  Nothing of
-    the guest's disk outlives a run.
+    the guest's disk outlives a run.  A terminal of ours, `serial`, is /dev/ttyS0 in the guest.
     """
 
-    def __init__(self, machine: Machine, boot: Boot = "bare") -> None:
+    def __init__(
+        self, machine: Machine, boot: Boot = "bare", *, serial: Path | None = None
+    ) -> None:
         self._machine = machine
         self._boot = boot
+        self._serial = serial
         self._folder = Path()
 
     def __enter__(self) -> Self:
@@ -118,6 +121,7 @@ class KioskGuest:
             f"hostfs={self.share}",
             f"init={INIT[self._boot]}",
             *_OPTIONS,
+            *([f"ssl0=tty:{self._serial}"] if self._serial is not None else []),
         ]
 
 
