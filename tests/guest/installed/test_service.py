@@ -370,10 +370,12 @@ def sandbox(installed: str) -> dict[str, str]:
     subprocess.run(["modprobe", "uinput"], check=False)
     run("udevadm", "trigger")
     run("udevadm", "settle")
-    # Its mode lets everybody in: what keeps the daemon out is DevicePolicy.
-    Path("/dev/ubda").chmod(0o666)
+    # Their mode lets everybody in: what keeps the daemon out is DevicePolicy.
+    for node in ("/dev/ubda", "/dev/tty1"):
+        Path(node).chmod(0o666)
     Path("/opt/tries.py").write_text(TRIES)
     nodes = ["/dev/video0", "/dev/uinput", "/dev/kmsg", "/dev/mem", "/dev/ubda", "/dev/null"]
+    nodes += ["/dev/ttyS0", "/dev/tty1"]
     unit = UNIT_FILE.read_text()
     unit = re.sub(
         r"ExecStart=.*", f"ExecStart={sys.executable} /opt/tries.py {' '.join(nodes)}", unit
@@ -390,15 +392,16 @@ def sandbox(installed: str) -> dict[str, str]:
     return report
 
 
-@pytest.mark.parametrize("device", ["/dev/video0", "/dev/null"])
+@pytest.mark.parametrize("device", ["/dev/video0", "/dev/ttyS0", "/dev/null"])
 def test_its_own_devices_can_be_opened(sandbox: dict[str, str], device: str) -> None:
     assert sandbox[device] == "done"
 
 
+@pytest.mark.parametrize("device", ["/dev/ubda", "/dev/tty1"])
 def test_a_device_that_is_not_allowed_is_refused_whatever_its_mode(
-    sandbox: dict[str, str],
+    sandbox: dict[str, str], device: str
 ) -> None:
-    assert sandbox["/dev/ubda"] == "Operation not permitted"
+    assert sandbox[device] == "Operation not permitted"
 
 
 @pytest.mark.parametrize("device", ["/dev/kmsg", "/dev/mem", "/dev/uinput"])
