@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -80,6 +81,13 @@ class Board:
         self.do("zero")
         self.wait_ms(count_ms)
         return self.get()
+
+    def stand_still(self) -> None:
+        """Let no time of the controller pass."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        self._process.send_signal(signal.SIGCONT)
 
     def kill(self) -> None:
         self._process.kill()
