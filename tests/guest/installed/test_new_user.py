@@ -83,6 +83,7 @@ class User:
             said += line
             self._obey(line)
         self.said.append((command, said))
+        process.stdout.close()
         assert process.wait() == 0, f"{command}: {said}"
 
     def _obey(self, line: str) -> None:
