@@ -4,13 +4,10 @@ import errno
 import functools
 import logging
 import os
-import queue
 import selectors
 import socket
-import threading
-from collections.abc import Callable
-from typing import Any
 
+from cornertouchd.devices.name_lookup import Address, NameLookup, Resolve, addresses_of
 from cornertouchd.devices.stream_hub import Frame, Switchboard
 from cornertouchd.devices.stream_peer import StreamPeer, StreamPeers, Tally, never_waiting
 from cornertouchd.devices.udp_destination import DestinationStatus
@@ -24,15 +21,8 @@ RETRY_MAX_S = 16.0
 # A server that ends sooner may be one that crashes at every start.
 RECOVERED_AFTER_S = 10.0
 
-Address = tuple[socket.AddressFamily, Any]
-Resolve = Callable[[str, int], list[Address]]
 
-
-def resolve_stream(host: str, port: int) -> list[Address]:
-    """Return the addresses of a TCP server, IPv4 first; may take long.  Raises `OSError`."""
-    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    addresses: list[Address] = [(family, address) for family, _, _, _, address in found]
-    return sorted(addresses, key=lambda address: address[0] != socket.AF_INET)
+resolve_stream = functools.partial(addresses_of, kind=socket.SOCK_STREAM)
 
 
 class TcpDestination:
@@ -48,10 +38,8 @@ class TcpDestination:
         self._board = board
         self._host = host
         self._port = port
-        self._resolve = resolve
+        self._lookup = NameLookup(host, port, resolve)
         self._shown = f"TUIO over tcp to {host.encode(errors='backslashreplace').decode()}:{port}"
-        self._answers: queue.SimpleQueue[list[Address] | OSError] = queue.SimpleQueue()
-        self._is_resolving = False
         self._connecting: socket.socket | None = None
         self._others: list[Address] = []
         self._give_up_at_s = float("inf")
@@ -97,7 +85,7 @@ class TcpDestination:
         elif self._connecting is not None:
             if now_s >= self._give_up_at_s:
                 self._fail(OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT)))
-        elif self._is_resolving:
+        elif self._lookup.is_under_way:
             self._take_answer(now_s)
         elif now_s >= self._retry_at_s:
             self._find()
@@ -109,29 +97,15 @@ class TcpDestination:
 
     def _find(self) -> None:
         """Have the name resolved aside, numeric addresses too: it costs nothing but a thread."""
-        asking = threading.Thread(target=self._ask, name=f"resolve {self._host}", daemon=True)
         try:
-            asking.start()
-        except RuntimeError as error:  # the process may have no more threads
-            self._fail(OSError(errno.EAGAIN, str(error)))
-        else:
-            self._is_resolving = True
-
-    def _ask(self) -> None:
-        """Resolve the name, on a thread of its own."""
-        try:
-            self._answers.put(self._resolve(self._host, self._port))
+            self._lookup.begin()
         except OSError as error:
-            self._answers.put(error)
-        except ValueError as error:  # a name that IDNA cannot encode
-            self._answers.put(OSError(errno.EINVAL, str(error)))
+            self._fail(error)
 
     def _take_answer(self, now_s: float) -> None:
-        try:
-            answer = self._answers.get_nowait()
-        except queue.Empty:
+        answer = self._lookup.take()
+        if answer is None:
             return
-        self._is_resolving = False
         if isinstance(answer, OSError):
             self._fail(answer)
         else:

@@ -2,12 +2,12 @@
 
 import errno
 import logging
-import queue
 import socket
-import threading
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
+
+from cornertouchd.devices.name_lookup import Address, NameLookup, Resolve, addresses_of
 
 log = logging.getLogger(__name__)
 
@@ -15,10 +15,6 @@ RETRY_AFTER_S = 10.0
 # A refusing host says so about once a second (icmp_ratelimit of Linux), whatever is sent; a missing
 # one is noticed every 3 s, when ARP gives up.  So long without an error, somebody is there.
 RECOVERED_AFTER_S = 10.0
-
-# A socket address as `getaddrinfo` gives it: family, and what `connect` takes.
-Address = tuple[socket.AddressFamily, Any]
-Resolve = Callable[[str, int], list[Address]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +37,7 @@ class DestinationStatus:
     refused: int = 0
 
 
-def resolve_name(host: str, port: int) -> list[Address]:
-    """Return the addresses of a host, IPv4 first; may take many seconds.  Raises `OSError`.
-
-    TUIO clients seldom listen on IPv6, which comes first for "localhost".
-    """
-    found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
-    addresses: list[Address] = [(family, address) for family, _, _, _, address in found]
-    return sorted(addresses, key=lambda address: address[0] != socket.AF_INET)
+resolve_name = partial(addresses_of, kind=socket.SOCK_DGRAM)
 
 
 class UdpDestination:
@@ -67,10 +56,8 @@ class UdpDestination:
         # no log takes what is no character
         self._shown = f"{host.encode(errors='backslashreplace').decode()}:{port}"
         self._port = port
-        self._resolve = resolve
-        self._answers: queue.SimpleQueue[list[Address] | OSError] = queue.SimpleQueue()
+        self._lookup = NameLookup(host, port, resolve)
         self._socket: socket.socket | None = None
-        self._resolving = False
         self._retry_at_s = float("-inf")
         self._packets_sent = 0
         self._errors = 0
@@ -105,7 +92,7 @@ class UdpDestination:
         """Go on with finding the way to the host, if there is none."""
         if self._socket is not None:
             return
-        if self._resolving:
+        if self._lookup.is_under_way:
             self._take_answer(now_s)
         elif now_s >= self._retry_at_s:
             self._find(now_s)
@@ -143,30 +130,16 @@ class UdpDestination:
             self._connect([(family, address) for family, _, _, _, address in numeric], now_s)
 
     def _ask_aside(self, now_s: float) -> None:
-        asking = threading.Thread(target=self._ask, name=f"resolve {self._host}", daemon=True)
         try:
-            asking.start()
-        except RuntimeError as error:  # the process may have no more threads
-            self._note_fault(OSError(errno.EAGAIN, str(error)), now_s)
-            self._give_up(now_s)
-        else:
-            self._resolving = True
-
-    def _ask(self) -> None:
-        """Resolve the name, on a thread of its own."""
-        try:
-            self._answers.put(self._resolve(self._host, self._port))
+            self._lookup.begin()
         except OSError as error:
-            self._answers.put(error)
-        except ValueError as error:  # a name that IDNA cannot encode
-            self._answers.put(OSError(errno.EINVAL, str(error)))
+            self._note_fault(error, now_s)
+            self._give_up(now_s)
 
     def _take_answer(self, now_s: float) -> None:
-        try:
-            answer = self._answers.get_nowait()
-        except queue.Empty:
+        answer = self._lookup.take()
+        if answer is None:
             return
-        self._resolving = False
         if isinstance(answer, OSError):
             self._note_fault(answer, now_s)
             self._give_up(now_s)
