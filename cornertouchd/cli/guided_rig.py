@@ -2,6 +2,7 @@
 
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from cornertouchd.runtime.clock import MonotonicClock
 from cornertouchd.runtime.led_desk import shining
 from cornertouchd.simulation.board_holder import BoardHolder
 from cornertouchd.simulation.camera import painted_ports, rig_ports
-from cornertouchd.simulation.hand import Hand, Person
+from cornertouchd.simulation.hand import LIFTED_S, Hand, Person
 from cornertouchd.simulation.show import make_rig
 
 SIMULATED_RATE_HZ = 50.0
@@ -124,8 +125,10 @@ def _open(orders: Path) -> IO[str]:
 def _move(hand: Hand, lines: IO[str]) -> None:
     """Move the finger as the lines say; one that says nothing sensible is passed over.
 
+    A lifted finger stays away as long as a person's does, or no picture might show that it was.
     Whoever else closed the file would wait here for a pipe's next line.
     """
+    lifted_s = -LIFTED_S
     for line in lines:
         words = line.split()
         try:
@@ -134,7 +137,9 @@ def _move(hand: Hand, lines: IO[str]) -> None:
             place_mm = [nan]
         if not words:
             hand.lift()
+            lifted_s = time.monotonic()
         elif len(place_mm) == 2 and all(map(isfinite, place_mm)):
+            time.sleep(max(0.0, lifted_s + LIFTED_S - time.monotonic()))
             hand.touch(*place_mm)
         else:
             click.echo(f"{line.strip()!r} is not X Y in millimetres", err=True)

@@ -17,7 +17,7 @@ STARTS_S = 120.0
 ENDS_S = 10.0
 
 
-def write_config(path: Path, show: Show, more: str = "") -> Path:
+def write_config(path: Path, show: Show, more: str = "", rate_hz: float = RATE_HZ) -> Path:
     """Write the settings of the simulated kiosk; `more` follows [cameras]."""
     lines = [
         "[surface]",
@@ -28,7 +28,7 @@ def write_config(path: Path, show: Show, more: str = "") -> Path:
         "[cameras]",
         f"width_px = {WIDTH_PX}",
         f"height_px = {HEIGHT_PX}",
-        f"rate_hz = {RATE_HZ}",
+        f"rate_hz = {rate_hz}",
         more,
     ]
     for camera in CAMERAS:
