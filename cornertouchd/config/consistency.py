@@ -60,6 +60,7 @@ def find_contradictions(
         *_cameras_in_use(cameras),
         *_devices_used_once(cameras),
         *_bands_in_pictures(cameras),
+        *_pictures_in_time(cameras),
         *_in_order(("cameras",), cameras, "reopen_delay_s", "reopen_delay_max_s"),
         *_flashes_within_limits(cameras, led_frame),
         *_in_order(("led_frame",), led_frame, "level_min", "level_max"),
@@ -127,6 +128,15 @@ def _bands_in_pictures(cameras: CamerasSettings) -> Iterator[Contradiction]:
                 f"rows_px = {unit.rows_px} end at row {end_px}, below the picture: "
                 f"[cameras] height_px = {cameras.height_px}; make the band end there at the latest",
             )
+
+
+def _pictures_in_time(cameras: CamerasSettings) -> Iterator[Contradiction]:
+    if cameras.rate_hz * cameras.read_timeout_s < 1.0:
+        yield Contradiction(
+            (("cameras", "rate_hz"), ("cameras", "read_timeout_s")),
+            f"[cameras] read_timeout_s = {cameras.read_timeout_s:g} ends before the next picture "
+            f"comes, at rate_hz = {cameras.rate_hz:g}; raise one of them",
+        )
 
 
 def _flashes_within_limits(

@@ -16,7 +16,7 @@ from led_board import LIGHT, Board, Heard
 from lit_rig import FULL_LEVEL, Flash, Lights, LitRig
 
 from cornertouchd.calibration.calibration import Calibration
-from cornertouchd.config import CamerasSettings, LedFrameSettings, Settings
+from cornertouchd.config import CamerasSettings, LedFrameSettings, Settings, TrackingSettings
 from cornertouchd.devices.serial_link import SerialLedFrame
 from cornertouchd.model import TouchFrame
 from cornertouchd.runtime.clock import MonotonicClock
@@ -49,6 +49,8 @@ def settings_with(**led_frame: Any) -> Settings:
     return Settings(
         cameras=CamerasSettings(rate_hz=40.0, read_timeout_s=0.1, reopen_delay_s=0.1),
         led_frame=LedFrameSettings(**given),
+        # a touch that rests stays as far off as it was by chance
+        tracking=TrackingSettings(smoothing=False, dead_band_mm=0.0),
     )
 
 

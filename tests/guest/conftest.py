@@ -44,5 +44,7 @@ def daemon(
     config = write_config(tmp_path_factory.mktemp("kiosk") / "cornertouchd.toml", show)
     daemon = RunningDaemon(config)
     wait_until(lambda: bool(client.shown_at(float("inf"))), STARTS_S, "the first touch")
+    # its start keeps the only processor busy for seconds
+    wait_until(lambda: daemon.has_said("live page: "), STARTS_S, "the live page")
     yield daemon
     assert daemon.stop() == 0

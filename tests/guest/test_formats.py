@@ -33,6 +33,8 @@ def daemon(
     )
     daemon = RunningDaemon(config)
     wait_until(lambda: client.has_shown_since(began_s), STARTS_S, "the first touch")
+    # its start keeps the only processor busy for seconds
+    wait_until(lambda: daemon.has_said("live page: "), STARTS_S, "the live page")
     yield daemon
     assert daemon.stop() == 0
 

@@ -123,7 +123,11 @@ def _demo(place: Path, port: int, *more: str) -> RunningDaemon:
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDaemon]:
     """The demo, shared by tests that leave it as it was."""
-    running = _demo(tmp_path_factory.mktemp("demo"), free_port())
+    yield from served(_demo(tmp_path_factory.mktemp("demo"), free_port()))
+
+
+def served(running: RunningDaemon) -> Iterator[RunningDaemon]:
+    """Give a daemon whose page has come; end it afterwards."""
     try:
         running.wait_for("live page: http://127.0.0.1")
         yield running
@@ -141,9 +145,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
         if not monitor:
             running.append(_demo(tmp_path, port, *arguments))
             return running[-1]
-        config = tmp_path / "touch.toml"
-        write_config(config, port, *monitor)
-        running.append(RunningDaemon(tmp_path, port, ["run", "--config", str(config)]))
+        running.append(simulated(tmp_path, port, *monitor))
         return running[-1]
 
     yield start_one
@@ -151,12 +153,19 @@ def start(tmp_path: Path) -> Iterator[Start]:
         one.end()
 
 
+def simulated(place: Path, port: int, *monitor: str) -> RunningDaemon:
+    """Start `run` on a simulated rig with these lines of [monitor]; its time is left to others."""
+    config = place / "touch.toml"
+    write_config(config, port, *monitor)
+    return RunningDaemon(place, port, ["run", "--config", str(config)])
+
+
 def write_config(path: Path, port: int, *monitor: str) -> None:
     tuio = free_port(socket.SOCK_DGRAM)
     path.write_text(
         "\n".join(
             [
-                '[cameras]\nsource = "simulated"',
+                '[cameras]\nsource = "simulated"\nrate_hz = 25',
                 f"[[tuio.destinations]]\nport = {tuio}",
                 f"[monitor]\nport = {port}",
                 *monitor,

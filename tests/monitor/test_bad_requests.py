@@ -5,16 +5,23 @@ import json
 import os
 import socket
 import struct
+from collections.abc import Iterator
 from contextlib import ExitStack
 
 import aiohttp
 import pytest
-from monitor.conftest import DEADLINE_S, RunningDaemon, wait_until
+from monitor.conftest import DEADLINE_S, RunningDaemon, free_port, served, simulated, wait_until
 
 from cornertouchd.monitor.process import MOST_CONNECTIONS
 
 WITHIN_S = 25.0
 """Longer than a connection without a whole request is kept."""
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningDaemon]:
+    """A daemon with a page, shared by all tests here."""
+    yield from served(simulated(tmp_path_factory.mktemp("page"), free_port(), "enabled = true"))
 
 
 def answer_to(demo: RunningDaemon, request: bytes) -> bytes:

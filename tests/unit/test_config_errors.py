@@ -203,6 +203,14 @@ class TestContradictions:
         assert f"[cameras.C1] row_offset_px = {band[0]} and rows_px = {band[1]}" in line
         assert "height_px = 480" in line
 
+    def test_a_picture_must_come_before_the_camera_counts_as_silent(self, errors_of, read):
+        read("[cameras]\nrate_hz = 2.0\nread_timeout_s = 0.5\n")
+        (line,) = errors_of("[cameras]\nrate_hz = 1.5\nread_timeout_s = 0.5\n")
+        assert line == (
+            "[cameras] read_timeout_s = 0.5 ends before the next picture comes, at rate_hz = 1.5; "
+            "raise one of them"
+        )
+
     @pytest.mark.parametrize("display", [(0.0, 0.0), (349.0, 0.0), (0.0, 350.0), (100.0, 250.0)])
     def test_displays_on_the_surface_are_accepted(self, read, display):
         read(
