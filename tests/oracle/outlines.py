@@ -7,6 +7,7 @@ from cornertouchd.model import FloatArray, Picture, Shadows
 from cornertouchd.vision.outlines import (
     BRIGHT,
     DARK,
+    FEW_EDGES,
     KEPT_SLOPE,
     MOST_MISSES,
     REACH_PX,
@@ -64,13 +65,14 @@ def trace(levels: Levels, values: FloatArray, shadows: Shadows, edge_level: floa
     """Return columns and rows of every edge, (K, 2, L) each."""
     shape = (len(shadows), 2, len(values))
     columns, rows = np.full(shape, np.nan), np.full(shape, np.nan)
+    stride = 1 if np.count_nonzero(shadows.valid) <= FEW_EDGES else 2
     for number in range(len(shadows)):
         for side in range(2):
             if shadows.valid[number, side]:
                 edge = float(shadows.edges_px[number, side])
                 for order in (
-                    range(levels.start, -1, -1),
-                    range(levels.start + 1, len(values)),
+                    range(levels.start, -1, -stride),
+                    range(levels.start + stride, len(values), stride),
                 ):
                     _follow(
                         levels.rows_px,
@@ -78,6 +80,7 @@ def trace(levels: Levels, values: FloatArray, shadows: Shadows, edge_level: floa
                         edge,
                         side == 1,
                         order,
+                        stride,
                         edge_level,
                         columns[number, side],
                         rows[number, side],
@@ -91,6 +94,7 @@ def _follow(
     edge: float,
     mirrored: bool,
     order: range,
+    stride: int,
     edge_level: float,
     columns: FloatArray,
     rows: FloatArray,
@@ -104,7 +108,7 @@ def _follow(
         expected = last
         if slope:
             expected += slope * (_row(rows_px, level, last) - last_row)
-        reach = WINDOW_PX * (1 + misses)
+        reach = WINDOW_PX * (stride + misses)
         found = _fall(values[level], expected, reach, edge_level, mirrored, width)
         if found is None:
             misses += 1

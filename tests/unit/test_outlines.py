@@ -105,7 +105,8 @@ def test_outlines_lie_on_the_finger_and_its_mirror_image(finger: Finger, glossy:
     met = np.isfinite(outlines.columns_px)
     assert np.array_equal(met, np.isfinite(outlines.rows_px))
     if finger.height_mm == 0.0:  # otherwise there is light in between
-        assert (met.sum(axis=2)[shadows.valid] >= 0.8 * met.shape[2]).all()
+        whole = shadows.valid.all(axis=1)  # others run into what hides the strip
+        assert (met.sum(axis=2)[whole] >= 0.8 * met.shape[2]).all()
     if met.any():
         off_px = eye.off_outline_px(finger, outlines.columns_px[met], outlines.rows_px[met])
         assert np.sqrt(np.mean(off_px**2)) < 0.2
