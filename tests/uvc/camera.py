@@ -227,12 +227,13 @@ class UvcCamera:
         return streaming and number % self._every == 0
 
     def _payload(self, number: int) -> bytes:
-        picture = self.loop.picture(number)
+        form = FORMATS[self._agreed[2] - 1].name
         if self.faults.noise:
-            picture = noise(picture.shape, number)
+            body = PACKERS[form](noise(self.loop.picture(number).shape, number))
         elif self.faults.dark:
-            picture = picture // 64
-        body = PACKERS[FORMATS[self._agreed[2] - 1].name](picture)
+            body = PACKERS[form](self.loop.picture(number) // 64)
+        else:
+            body = self.loop.packed(number, form)
         self._frame_id ^= 1
         flags = END_OF_HEADER | CLOCK | STAMP | END_OF_FRAME | self._frame_id
         if self.faults.err:

@@ -16,6 +16,7 @@ class PictureLoop:
     def __init__(self, path: Path) -> None:
         self._pictures = np.load(path, mmap_mode="r")
         self._first, self._count = 0, len(self._pictures)
+        self._packed: dict[int, bytes] = {}
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -25,7 +26,19 @@ class PictureLoop:
 
     def picture(self, number: int) -> Picture:
         """Return a picture of the loop."""
-        return np.asarray(self._pictures[self._first + number % self._count])
+        return np.asarray(self._pictures[self._place(number)])
+
+    def packed(self, number: int, form: str) -> bytes:
+        """Return a picture of the loop as this format has it."""
+        if form != "MJPG":
+            return PACKERS[form](self.picture(number))
+        place = self._place(number)
+        if place not in self._packed:  # to compress them takes a slow guest too long
+            self._packed[place] = packed_mjpg(self.picture(number))
+        return self._packed[place]
+
+    def _place(self, number: int) -> int:
+        return self._first + number % self._count
 
     def show_only(self, first: int, count: int) -> None:
         """Let these pictures be the loop."""
