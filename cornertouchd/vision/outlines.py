@@ -15,10 +15,8 @@ from cornertouchd.model import BoolArray, FloatArray, Outlines, Picture, Shadows
 from cornertouchd.vision.darkness import MeanPicture, light_of_leds
 from cornertouchd.vision.reference import Reference
 from cornertouchd.vision.strip import Strip
+from cornertouchd.vision.strip_now import BLACK, CHANGED, FULL, HEIGHT, SURFACE, StripNow
 from cornertouchd.vision.waist import (
-    BLACK,
-    FULL,
-    NOW,
     Columns,
     Light,
     inverse_of_waist,
@@ -30,6 +28,9 @@ from cornertouchd.vision.waist import (
 LEVELS = (0.88, 0.76, 0.64, 0.52, 0.40, 0.28, 0.17)
 """Where edges are looked for, in heights of the strip above and below the surface line: between the
 rim of the diffuser and the dark line."""
+
+LEVELS_DOWN = np.array((*LEVELS, *(-level for level in reversed(LEVELS))))
+"""From the top down; those below the surface line are met in the mirror image."""
 
 WINDOW_PX = 3
 """From one level to the next nine of ten edges stray by less than a column from where they would go
@@ -57,7 +58,7 @@ hovers."""
 class OutlineTracer:
     """Traces the shadows in one camera's pictures; knows its strip and its empty picture.
 
-    The strip's rows are worked out once.  Keeps nothing from one picture to the next.
+    The strip's rows are worked out once, and what follows from a reference when it changes.
     """
 
     def __init__(
@@ -69,11 +70,12 @@ class OutlineTracer:
         """
         lit = np.where(strip.visible & reference.usable, empty - strip.dark_level, 0.0)
         self._settings = settings
-        self._calibrated = reference.light
+        self._strip_now = StripNow(
+            reference, strip.surface_px, level_height_px(strip), settings.saturated_grey
+        )
         rows_px = level_rows(strip)
         self._start = _level_at_horizon(rows_px, strip)
-        self._rows_px = np.ascontiguousarray(rows_px.T)  # edges run down few columns
-        self._inverse = _inverse_of_levels(self._rows_px, lit, settings.smallest_reference)
+        self._inverse = _inverse_of_levels(rows_px.T, lit, settings.smallest_reference)
         first, last = waist_rows(strip, len(empty))
         self._waist_first = first
         self._waist = inverse_of_waist(lit, first, last, settings.smallest_reference)
@@ -94,23 +96,19 @@ class OutlineTracer:
         `reference` is the strip as it is now, `gain` how much brighter the picture is than that;
         `dark` what pictures without LEDs show.  A matt screen mirrors nothing: no light is kept.
         """
-        full = self._settings.saturated_grey
         if dark is not None:
+            full = self._settings.saturated_grey
             picture = light_of_leds(picture, dark, reference.black, full)
+        by_column, in_rows = self._strip_now.of(reference)
         columns, rows, light, light_at = _trace(
             np.ascontiguousarray(picture),
             shadows.edges_px,
             shadows.valid,
             shadows.depth,
-            reference.black,
-            reference.scale,
-            reference.usable,
-            reference.clipped,
-            self._calibrated,
+            by_column,
+            in_rows,
             1.0 / gain,
-            full,
             self._settings.edge_level,
-            self._rows_px,
             self._inverse,
             self._start,
             self._waist,
@@ -122,12 +120,13 @@ class OutlineTracer:
 
 def level_rows(strip: Strip) -> FloatArray:
     """Return the rows of the levels from the top down, (levels, width_px)."""
-    direct = np.array(LEVELS)[:, None]
-    if not strip.mirrored:
-        return np.ascontiguousarray(strip.surface_px - direct * strip.height_px)
-    height = (strip.bottom_px - strip.top_px) / 2.0
-    levels = np.concatenate([direct, -direct[::-1]])
-    return np.ascontiguousarray(strip.surface_px - levels * height)
+    levels = LEVELS_DOWN if strip.mirrored else LEVELS_DOWN[: len(LEVELS)]
+    return np.ascontiguousarray(strip.surface_px - levels[:, None] * level_height_px(strip))
+
+
+def level_height_px(strip: Strip) -> FloatArray:
+    """Return the height of the strip that levels are shares of, (width_px,)."""
+    return (strip.bottom_px - strip.top_px) / 2.0 if strip.mirrored else strip.height_px
 
 
 def _level_at_horizon(rows_px: FloatArray, strip: Strip) -> int:
@@ -157,20 +156,26 @@ def _left_at(
     picture: Picture,
     column: int,
     level: int,
-    rows_px: FloatArray,
     inverse: Light,
     strip: FloatArray,
+    exposure: float,
 ) -> float:
     """Return what is left of the light where a column meets a level, NaN where that is untold."""
-    if not 0 <= column < len(inverse) or isnan(inverse[column, level]):
+    if not 0 <= column < len(inverse):
         return nan
-    row = rows_px[column, level] - 0.5
-    above = int(row)
-    here, there = float(picture[above, column]), float(picture[above + 1, column])
-    if not max(here, there) < strip[FULL, column]:
+    here_at, level_at = np.uint64(column), np.uint64(level)  # none counts from the end: no checks
+    whole = inverse[here_at, level_at]
+    if isnan(whole):
         return nan
-    grey = here + (row - above) * (there - here)
-    return float((grey - strip[BLACK, column]) * inverse[column, level] * strip[NOW, column])
+    row = strip[here_at, SURFACE] - LEVELS_DOWN[level_at] * strip[here_at, HEIGHT] - 0.5
+    above = np.uint64(row)
+    here = float(picture[above, here_at])
+    there = float(picture[above + np.uint64(1), here_at])
+    if not max(here, there) < strip[here_at, FULL]:
+        return nan
+    grey = here + (row - float(above)) * (there - here)
+    now = strip[here_at, CHANGED] * exposure
+    return float((grey - strip[here_at, BLACK]) * whole * now)
 
 
 @borrowing
@@ -178,24 +183,29 @@ def _has_strip_outside_and_finger_inside(
     picture: Picture,
     outside: int,
     inwards: int,
+    at_outside: float,
+    at_inside: float,
     level: int,
-    rows_px: FloatArray,
     inverse: Light,
     strip: FloatArray,
+    exposure: float,
 ) -> bool:
-    """Tell whether light that falls inwards from a column on falls from the strip to a finger."""
-    bright = dark = False
-    for beyond in range(REACH_PX):
-        column = outside - beyond * inwards
-        bright = _left_at(picture, column, level, rows_px, inverse, strip) > BRIGHT
+    """Tell whether light that falls inwards from a column on falls from the strip to a finger.
+
+    What is left of it there and in the next column is known.
+    """
+    bright, dark = at_outside > BRIGHT, at_inside < DARK
+    for beyond in range(1, REACH_PX):
         if bright:
             break
-    for beyond in range(REACH_PX if bright else 0):
-        column = outside + (beyond + 1) * inwards
-        dark = _left_at(picture, column, level, rows_px, inverse, strip) < DARK
+        column = outside - beyond * inwards
+        bright = _left_at(picture, column, level, inverse, strip, exposure) > BRIGHT
+    for beyond in range(1, REACH_PX if bright else 0):
         if dark:
             break
-    return dark
+        column = outside + (beyond + 1) * inwards
+        dark = _left_at(picture, column, level, inverse, strip, exposure) < DARK
+    return bright and dark
 
 
 @borrowing
@@ -206,9 +216,9 @@ def _meet(
     inwards: int,
     edge_level: float,
     level: int,
-    rows_px: FloatArray,
     inverse: Light,
     strip: FloatArray,
+    exposure: float,
 ) -> float:
     """Return at which column light falls inwards through the level of an edge, -1 if it does not.
 
@@ -217,23 +227,23 @@ def _meet(
     of it and a finger inside.
     """
     first, last = middle, middle + 1
-    at_first = _left_at(picture, first, level, rows_px, inverse, strip)
-    at_last = _left_at(picture, last, level, rows_px, inverse, strip)
+    at_first = _left_at(picture, first, level, inverse, strip, exposure)
+    at_last = _left_at(picture, last, level, inverse, strip, exposure)
     left, here, there = first, at_first, at_last
     for step in range(2 * reach + 1):
         if step & 1:
             first -= 1
             left, there = first, at_first
-            here = at_first = _left_at(picture, first, level, rows_px, inverse, strip)
+            here = at_first = _left_at(picture, first, level, inverse, strip, exposure)
         elif step:
             left, here = last, at_last
             last += 1
-            there = at_last = _left_at(picture, last, level, rows_px, inverse, strip)
-        falls = here >= edge_level > there if inwards > 0 else there >= edge_level > here
-        if falls:
+            there = at_last = _left_at(picture, last, level, inverse, strip, exposure)
+        outer, inner = (here, there) if inwards > 0 else (there, here)
+        if outer >= edge_level > inner:
             outside = left if inwards > 0 else left + 1
             if not _has_strip_outside_and_finger_inside(
-                picture, outside, inwards, level, rows_px, inverse, strip
+                picture, outside, inwards, outer, inner, level, inverse, strip, exposure
             ):
                 break
             return float(left + 0.5 + (edge_level - here) / (there - here))
@@ -241,12 +251,13 @@ def _meet(
 
 
 @borrowing
-def _row_at(rows_px: FloatArray, level: int, column_px: float) -> float:
+def _row_at(strip: FloatArray, level: int, column_px: float) -> float:
     """Return the row of a level at a column."""
-    last = len(rows_px) - 1
+    last = len(strip) - 1
     place = min(max(column_px - 0.5, 0.0), float(last))
     below = min(int(place), last - 1)
-    here, there = rows_px[below, level], rows_px[below + 1, level]
+    here = strip[below, SURFACE] - LEVELS_DOWN[level] * strip[below, HEIGHT]
+    there = strip[below + 1, SURFACE] - LEVELS_DOWN[level] * strip[below + 1, HEIGHT]
     return float(here + (place - below) * (there - here))
 
 
@@ -256,11 +267,11 @@ def _follow_edge(
     edge_px: float,
     inwards: int,
     edge_level: float,
-    rows_px: FloatArray,
     inverse: Light,
     start: int,
     stride: int,
     strip: FloatArray,
+    exposure: float,
     columns: FloatArray,
     rows: FloatArray,
 ) -> None:
@@ -275,13 +286,13 @@ def _follow_edge(
         while 0 <= level < len(columns) and misses < MOST_MISSES:
             expected = column
             if slope != 0.0:
-                expected += slope * (_row_at(rows_px, level, column) - row)
+                expected += slope * (_row_at(strip, level, column) - row)
             middle, reach = int(expected - 0.5), WINDOW_PX * (stride + misses)
             found = _meet(
-                picture, middle, reach, inwards, edge_level, level, rows_px, inverse, strip
+                picture, middle, reach, inwards, edge_level, level, inverse, strip, exposure
             )
             if found >= 0.0:
-                found_row = _row_at(rows_px, level, found)
+                found_row = _row_at(strip, level, found)
                 if not isnan(row):
                     latest = (found - column) / (found_row - row)
                     slope = KEPT_SLOPE * slope + (1.0 - KEPT_SLOPE) * latest
@@ -295,23 +306,17 @@ def _follow_edge(
 @compiled(
     "Tuple((f8[:,:,::1], f8[:,:,::1], f4[:,::1], i4[::1]))("
     "Array(u1, 2, 'C', readonly=True), f8[:,::1], b1[:,::1], f8[::1], "
-    "f8[::1], f8[::1], b1[::1], b1[::1], f8[::1], f8, f8, f8, "
-    "f8[:,::1], f4[:,::1], i8, f4[:,::1], i4[::1], i8)"
+    "f8[:,::1], f4[:,::1], f8, f8, f4[:,::1], i8, f4[:,::1], i4[::1], i8)"
 )
 def _trace(
     picture: Picture,
     edges_px: FloatArray,
     valid: BoolArray,
     depth: FloatArray,
-    black: FloatArray,
-    scale: FloatArray,
-    usable: BoolArray,
-    clipped: BoolArray,
-    calibrated: FloatArray,
+    by_column: FloatArray,
+    in_rows: Light,
     exposure: float,
-    saturated_grey: float,
     edge_level: float,
-    rows_px: FloatArray,
     inverse: Light,
     start: int,
     waist: Light,
@@ -320,20 +325,12 @@ def _trace(
 ) -> tuple[FloatArray, FloatArray, Light, Columns]:
     """Return columns and rows of the edges (K, 2, L), the light (R, N) and where columns are in it.
 
-    `exposure` is 1 over the gain.  A column that changed since the calibration did so in all rows.
+    `by_column` and `in_rows` are those of `StripNow`; `exposure` is 1 over the gain.
     """
-    count, width = len(depth), len(black)
-    columns = np.full((count, 2, rows_px.shape[1]), nan)
-    rows = np.full((count, 2, rows_px.shape[1]), nan)
+    count, width = len(depth), len(by_column)
+    columns = np.full((count, 2, inverse.shape[1]), nan)
+    rows = np.full((count, 2, inverse.shape[1]), nan)
     light_at = np.full(width, -1, np.int32)
-    if count == 0:
-        return columns, rows, np.empty((len(waist), 0), np.float32), light_at
-    strip = np.empty((3, width))
-    for column in range(width):  # without branches, so that several go at once
-        strip[BLACK, column] = black[column]
-        changed = calibrated[column] * scale[column] * exposure
-        strip[NOW, column] = changed if usable[column] else nan
-        strip[FULL, column] = np.inf if clipped[column] else saturated_grey
     edges = 0
     for number in range(count):
         edges += int(valid[number, 0]) + int(valid[number, 1])
@@ -346,11 +343,11 @@ def _trace(
                     edges_px[number, side],
                     1 - 2 * side,
                     edge_level,
-                    rows_px,
                     inverse,
                     start,
                     stride,
-                    strip,
+                    by_column,
+                    exposure,
                     columns[number, side],
                     rows[number, side],
                 )
@@ -358,5 +355,6 @@ def _trace(
     if len(waist) > 0:
         kept = keep_columns(edges_px, depth, widest_px, light_at)
     light = np.empty((len(waist), kept), np.float32)
-    write_light(picture, light_at, waist, waist_first, strip, light)
+    if kept > 0:
+        write_light(picture, light_at, waist, waist_first, in_rows, np.float32(exposure), light)
     return columns, rows, light, light_at

@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 from cornertouchd.compiling import borrowing
 from cornertouchd.model import FloatArray, Picture
 from cornertouchd.vision.strip import Strip
+from cornertouchd.vision.strip_now import BLACK, CHANGED, FULL
 
 WAIST_ABOVE_PX = 3
 """The waist lies on the surface line or below: the camera looks down at it.  Rows above it are kept
 for the blur."""
 
 WAIST_BESIDE_PX = 3
-
-BLACK, NOW, FULL = 0, 1, 2
-"""What is known of the strip now, column by column: grey level without LEDs, how its light has
-changed since the calibration (divided by, NaN where it tells nothing), grey level at full scale."""
 
 Columns = NDArray[np.int32]
 Light = NDArray[np.float32]
@@ -66,13 +63,14 @@ def write_light(
     light_at: Columns,
     waist: Light,
     waist_first: Columns,
-    strip: FloatArray,
+    strip: Light,
+    exposure: np.float32,
     light: Light,
 ) -> None:
     """Write what is left of the light in the kept columns, (waist rows, kept columns).
 
-    Neighbours whose waists begin in the same row go together: a processor takes several pixels of
-    one row at once, but not of several rows.
+    `strip` is (3, width_px).  Neighbours whose waists begin in the same row go together: a
+    processor takes several pixels of one row at once, but not of several rows.
     """
     start, width = 0, len(light_at)
     while start < width:
@@ -83,19 +81,48 @@ def write_light(
             and light_at[stop] == (kept + stop - start if kept >= 0 else -1)
         ):
             stop += 1
-        below, now, limit = (
-            strip[BLACK, start:stop],
-            strip[NOW, start:stop],
-            strip[FULL, start:stop],
-        )
-        for step in range(len(light) if kept >= 0 else 0):
-            left = light[step, kept : kept + stop - start]
-            if top + step >= len(picture):
-                left[:] = nan
-                continue
-            greys, inverse = picture[top + step, start:stop], waist[step, start:stop]
-            for column in range(stop - start):  # without branches, so that several go at once
-                grey = float(greys[column])
-                share = (grey - below[column]) * now[column] * inverse[column]
-                left[column] = share if grey < limit[column] else nan
+        if kept >= 0:
+            _write_light_of_run(
+                picture,
+                np.uint64(start),
+                np.uint64(stop - start),
+                np.uint64(top),
+                waist,
+                strip,
+                exposure,
+                np.uint64(kept),
+                light,
+            )
         start = stop
+
+
+@borrowing
+def _write_light_of_run(
+    picture: Picture,
+    start: np.uint64,
+    count: np.uint64,
+    top: np.uint64,
+    waist: Light,
+    strip: Light,
+    exposure: np.float32,
+    kept: np.uint64,
+    light: Light,
+) -> None:
+    """Write what is left of the light in so many columns from `start` on, which are kept together.
+
+    Their waists begin in row `top`.  Unsigned numbers are no indices that count from the end: to
+    tell would keep a processor from taking several pixels at once.
+    """
+    for step in range(np.uint64(len(light))):
+        row = top + step
+        if row >= np.uint64(len(picture)):
+            for beside in range(count):
+                light[step, kept + beside] = np.float32(nan)
+            continue
+        for beside in range(count):  # without branches, so that several go at once
+            column = start + beside
+            grey = np.float32(picture[row, column])
+            now = strip[CHANGED, column] * exposure
+            share = (grey - strip[BLACK, column]) * now * waist[step, column]
+            told = grey < strip[FULL, column]
+            light[step, kept + beside] = share if told else np.float32(nan)
