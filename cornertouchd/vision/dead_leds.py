@@ -19,6 +19,7 @@ class DeadLeds:
     def __init__(self, width_px: int) -> None:
         self._dead = np.zeros(width_px, np.bool_)
         self._light = np.zeros(width_px)
+        self._any = False  # asked for every picture
 
     def follow(
         self, suspected: BoolArray | None, measured: Measured, reference: Reference
@@ -40,18 +41,20 @@ class DeadLeds:
         dark = _light(measured, reference) < DARK_SHARE * reference.light
         dead = suspected & reference.usable & dark
         self._dead |= dead
+        self._any = bool(self._dead.any())
         self._light = np.where(dead, reference.light, self._light)
         return np.where(dead, 0.0, reference.light)
 
     def _unmask(self, measured: Measured, reference: Reference) -> FloatArray | None:
         """Return the light of the strip with the columns that shine again, None if none does."""
-        if not self._dead.any():
+        if not self._any:
             return None
         bright = _light(measured, reference) >= DARK_SHARE * self._light
         alive = self._dead & bright
         if not alive.any():
             return None
         self._dead &= ~alive
+        self._any = bool(self._dead.any())
         return np.where(alive, self._light, reference.light)
 
 

@@ -6,7 +6,7 @@ median along.
 
 import numpy as np
 
-from cornertouchd.compiling import inlined
+from cornertouchd.compiling import inlined, summing
 from cornertouchd.model import BoolArray, FloatArray
 
 GAIN_RANGE = (0.3, 3.0)
@@ -74,15 +74,15 @@ def _is_beyond_doubt(brightness: FloatArray, known: BoolArray, gain_before: floa
     return near >= FEWEST_COLUMNS and KEPT_SHARE * near >= uncovered
 
 
-@inlined
+@summing
 def _mean_near(brightness: FloatArray, known: BoolArray, level: float) -> float:
     """Return the mean of all known columns that are about as bright as `level`."""
     total, count = 0.0, 0
-    for column in range(len(brightness)):
+    for column in range(len(brightness)):  # without branches, so that several go at once
         value = brightness[column]
-        if known[column] and (1.0 - REACH) * level < value < (1.0 + REACH) * level:
-            total += value
-            count += 1
+        near = known[column] & ((1.0 - REACH) * level < value) & (value < (1.0 + REACH) * level)
+        total += value if near else 0.0
+        count += int(near)
     return total / count if count else level
 
 

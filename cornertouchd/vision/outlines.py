@@ -168,12 +168,13 @@ def _left_at(
     if isnan(whole):
         return nan
     row = strip[here_at, SURFACE] - LEVELS_DOWN[level_at] * strip[here_at, HEIGHT] - 0.5
-    above = np.uint64(row)
+    whole_row = int(row)
+    above = np.uint64(whole_row)
     here = float(picture[above, here_at])
     there = float(picture[above + np.uint64(1), here_at])
     if not max(here, there) < strip[here_at, FULL]:
         return nan
-    grey = here + (row - float(above)) * (there - here)
+    grey = here + (row - whole_row) * (there - here)
     now = strip[here_at, CHANGED] * exposure
     return float((grey - strip[here_at, BLACK]) * whole * now)
 
