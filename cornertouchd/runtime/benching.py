@@ -161,12 +161,21 @@ def _session(calibration: Calibration) -> TuioSession:
 
 
 def to_and_fro(frame_sets: FrameSets, rate_hz: float) -> Iterator[tuple[Frame, ...]]:
-    """Yield frame sets without end: forth, back, forth; fingers never leap, time goes on."""
+    """Yield frame sets without end: forth, back, forth; fingers never leap, time goes on.
+
+    The pictures of every set are copied into the same arrays, and so last until the next set: the
+    processor finds them in its caches, as it does in the daemon, where each picture has just been
+    copied from the camera's memory, or decoded.  To fetch a hundred sets from memory would be timed
+    instead.
+    """
+    shown = [np.empty_like(frame.pixels) for frame in frame_sets[0]]
     order = chain(range(len(frame_sets)), range(len(frame_sets) - 2, 0, -1))
     for number, index in zip(count(), cycle(order), strict=False):
+        for pixels, frame in zip(shown, frame_sets[index], strict=True):
+            np.copyto(pixels, frame.pixels)
         yield tuple(
-            replace(frame, sequence=number, captured_at_s=number / rate_hz)
-            for frame in frame_sets[index]
+            replace(frame, sequence=number, captured_at_s=number / rate_hz, pixels=pixels)
+            for pixels, frame in zip(shown, frame_sets[index], strict=True)
         )
 
 

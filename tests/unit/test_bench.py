@@ -43,10 +43,20 @@ class Counting:
 
 
 def test_pictures_play_to_and_fro_while_time_goes_on() -> None:
-    played = list(itertools.islice(to_and_fro(frame_sets(4), 50.0), 9))
-    assert [int(frame.pixels[0, 0]) for (frame,) in played] == [0, 1, 2, 3, 2, 1, 0, 1, 2]
+    shown, played = [], []
+    for (frame,) in itertools.islice(to_and_fro(frame_sets(4), 50.0), 9):
+        shown.append(int(frame.pixels[0, 0]))  # a picture lasts until the next one
+        played.append((frame,))
+    assert shown == [0, 1, 2, 3, 2, 1, 0, 1, 2]
     assert [frame.sequence for (frame,) in played] == list(range(9))
     assert [frame.captured_at_s for (frame,) in played] == [k / 50.0 for k in range(9)]
+
+
+def test_every_picture_is_copied_to_where_the_last_one_was() -> None:
+    sets = frame_sets(3)
+    played = [frame.pixels for (frame,) in itertools.islice(to_and_fro(sets, 50.0), 5)]
+    assert all(pixels is played[0] for pixels in played)
+    assert [int(frame.pixels[0, 0]) for (frame,) in sets] == [0, 1, 2]
 
 
 def test_a_single_frame_set_is_played_again_and_again() -> None:
