@@ -68,6 +68,7 @@ class CameraPipeline:
         except StripNotFoundError as error:
             raise CalibrationError(f"camera {calibration.id}: no strip found: {error}") from None
         self._settings = settings
+        self._traces = settings.touch_point.enabled
         self._dark_pictures = 0
         self._shift = StripShiftWatch(self._strip, calibration.empty)
         self._shown_rows = shown_rows(self._strip, calibration.format.rows_px)
@@ -101,7 +102,9 @@ class CameraPipeline:
         """Return the shadows in a picture, whatever was before.  Raises `PictureError`."""
         self._require_size(frame)
         if not isinstance(self._finder, ProfileFinder):
-            return self._observation(frame, self._finder.find(frame.pixels), None)
+            shadows = self._finder.find(frame.pixels)
+            _require_believable(shadows)
+            return self._observation(frame, shadows, None)
         try:
             shadows, gain = self._finder.find_with_hidden(frame.pixels)
         except NoiseError as error:
@@ -212,16 +215,15 @@ class CameraPipeline:
         gain: float,
         dark: MeanPicture | None = None,
     ) -> Observation:
-        if not self._settings.touch_point.enabled:
-            return self._observation(frame, shadows, None)
         _require_believable(shadows)
-        outlines = self._tracer.trace(frame.pixels, shadows, reference, gain, dark)
+        outlines = None
+        if self._traces:
+            outlines = self._tracer.trace(frame.pixels, shadows, reference, gain, dark)
         return self._observation(frame, shadows, outlines)
 
     def _observation(
         self, frame: Frame, shadows: Shadows, outlines: Outlines | None
     ) -> Observation:
-        _require_believable(shadows)
         # dark pictures are not missing: only lit ones are counted
         number = frame.sequence - self._dark_pictures
         return Observation(frame.camera, number, frame.captured_at_s, shadows, outlines)

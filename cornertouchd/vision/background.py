@@ -98,7 +98,7 @@ class Background:
         self._reference = self._sampler.reference
         self._gain = 1.0
         self._learned_at_s: float | None = None
-        self._lit: FloatArray | None = None
+        self._lit: Measured | None = None
         self._dark_at_s: float | None = None
         self._dark: MeanPicture | None = None
         self._known = self._reference.usable
@@ -134,7 +134,7 @@ class Background:
         """Follow what a picture shows of the empty strip."""
         measured, at_s = sight.measured, sight.captured_at_s
         self._gain = measured.gain
-        self._lit = measured.light
+        self._lit = measured
         if self._learned_at_s is None or at_s < self._learned_at_s:
             self._learned_at_s = at_s
         passed_s = at_s - self._learned_at_s
@@ -168,7 +168,7 @@ class Background:
         """
         seen = self._sampler.measure(picture, self._reference).light
         reference, black = self._reference, self._sampler.reference.black
-        lit = reference.light if self._lit is None else self._lit - black
+        lit = reference.light if self._lit is None else self._lit.light - black
         share_lit = (seen - black) / np.maximum(lit, 1.0)
         if float(np.median(share_lit[reference.on_strip])) > LARGEST_SHARE_IN_THE_DARK:
             raise NotDarkError(
@@ -244,7 +244,7 @@ class Background:
         reference = self._reference
         if self._lit is None:
             return False
-        strip, leds = reference.on_strip, self._lit - dark
+        strip, leds = reference.on_strip, self._lit.light - dark
         without = reference.light + (reference.black - dark) / self._gain
         return unevenness(leds[strip], reference.light[strip]) < unevenness(
             leds[strip], without[strip]

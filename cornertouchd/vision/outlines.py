@@ -16,6 +16,7 @@ from cornertouchd.vision.darkness import MeanPicture, light_of_leds
 from cornertouchd.vision.reference import Reference
 from cornertouchd.vision.strip import Strip
 from cornertouchd.vision.strip_now import BLACK, CHANGED, FULL, HEIGHT, SURFACE, StripNow
+from cornertouchd.vision.taps import Runs, runs_of
 from cornertouchd.vision.waist import (
     Columns,
     Light,
@@ -77,7 +78,7 @@ class OutlineTracer:
         self._start = _level_at_horizon(rows_px, strip)
         self._inverse = _inverse_of_levels(rows_px.T, lit, settings.smallest_reference)
         first, last = waist_rows(strip, len(empty))
-        self._waist_first = first
+        self._waist_first, self._waist_runs = first, runs_of(first)
         self._waist = inverse_of_waist(lit, first, last, settings.smallest_reference)
         if not strip.mirrored:
             self._waist = self._waist[:0]
@@ -112,7 +113,7 @@ class OutlineTracer:
             self._inverse,
             self._start,
             self._waist,
-            self._waist_first,
+            self._waist_runs,
             self._widest_px,
         )
         return Outlines(columns, rows, light, light_at, self._waist_first)
@@ -252,14 +253,17 @@ def _meet(
 
 
 @borrowing
-def _row_at(strip: FloatArray, level: int, column_px: float) -> float:
-    """Return the row of a level at a column."""
+def _strip_at(strip: FloatArray, column_px: float) -> tuple[float, float]:
+    """Return the row of the surface line at a column, and the height of levels above it."""
     last = len(strip) - 1
     place = min(max(column_px - 0.5, 0.0), float(last))
     below = min(int(place), last - 1)
-    here = strip[below, SURFACE] - LEVELS_DOWN[level] * strip[below, HEIGHT]
-    there = strip[below + 1, SURFACE] - LEVELS_DOWN[level] * strip[below + 1, HEIGHT]
-    return float(here + (place - below) * (there - here))
+    share = place - below
+    surface, height = strip[below, SURFACE], strip[below, HEIGHT]
+    return (
+        float(surface + share * (strip[below + 1, SURFACE] - surface)),
+        float(height + share * (strip[below + 1, HEIGHT] - height)),
+    )
 
 
 @borrowing
@@ -283,17 +287,19 @@ def _follow_edge(
     for direction in (-stride, stride):
         level = start if direction < 0 else start + stride
         column, row, slope = edge_px, nan, 0.0
+        surface = height = nan
         misses = 0
         while 0 <= level < len(columns) and misses < MOST_MISSES:
             expected = column
             if slope != 0.0:
-                expected += slope * (_row_at(strip, level, column) - row)
+                expected += slope * (surface - LEVELS_DOWN[level] * height - row)
             middle, reach = int(expected - 0.5), WINDOW_PX * (stride + misses)
             found = _meet(
                 picture, middle, reach, inwards, edge_level, level, inverse, strip, exposure
             )
             if found >= 0.0:
-                found_row = _row_at(strip, level, found)
+                surface, height = _strip_at(strip, found)
+                found_row = surface - LEVELS_DOWN[level] * height
                 if not isnan(row):
                     latest = (found - column) / (found_row - row)
                     slope = KEPT_SLOPE * slope + (1.0 - KEPT_SLOPE) * latest
@@ -307,7 +313,7 @@ def _follow_edge(
 @compiled(
     "Tuple((f8[:,:,::1], f8[:,:,::1], f4[:,::1], i4[::1]))("
     "Array(u1, 2, 'C', readonly=True), f8[:,::1], b1[:,::1], f8[::1], "
-    "f8[:,::1], f4[:,::1], f8, f8, f4[:,::1], i8, f4[:,::1], i4[::1], i8)"
+    "f8[:,::1], f4[:,::1], f8, f8, f4[:,::1], i8, f4[:,::1], i8[:,::1], i8)"
 )
 def _trace(
     picture: Picture,
@@ -321,7 +327,7 @@ def _trace(
     inverse: Light,
     start: int,
     waist: Light,
-    waist_first: Columns,
+    waist_runs: Runs,
     widest_px: int,
 ) -> tuple[FloatArray, FloatArray, Light, Columns]:
     """Return columns and rows of the edges (K, 2, L), the light (R, N) and where columns are in it.
@@ -357,5 +363,5 @@ def _trace(
         kept = keep_columns(edges_px, depth, widest_px, light_at)
     light = np.empty((len(waist), kept), np.float32)
     if kept > 0:
-        write_light(picture, light_at, waist, waist_first, in_rows, np.float32(exposure), light)
+        write_light(picture, light_at, waist, waist_runs, in_rows, np.float32(exposure), light)
     return columns, rows, light, light_at

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cornertouchd.compiling import compiled, inlined
 from cornertouchd.config import VisionSettings
@@ -12,7 +11,7 @@ from cornertouchd.vision.filling import fill_in
 from cornertouchd.vision.gain import most_frequent_brightness
 from cornertouchd.vision.reference import SUNLIT_SHARE, Reference, make_reference
 from cornertouchd.vision.strip import Strip
-from cornertouchd.vision.taps import horizon_taps
+from cornertouchd.vision.taps import Runs, horizon_taps, runs_of
 
 ROUGH = 0.08
 LARGEST_ROUGH_SHARE = 0.4
@@ -27,18 +26,30 @@ class NoiseError(Exception):
 class Measured(NamedTuple):
     """What a picture shows: its profile, and the grey levels (width_px,) that it comes from.
 
-    `light` is the mean of a column's pixels, `peak` the brightest; `gain` is how much brighter than
-    the reference the uncovered strip is; `rough_share` of the columns differ much from the next.
+    `seen` (2, width_px) are the mean of a column's pixels, `light`, and the brightest, `peak`;
+    `gain` is how much brighter than the reference the uncovered strip is; `rough_share` of the
+    columns differ much from the next.
     `sunlit` tells whether sunlight is to be reckoned with, that of the reference or a new one.
     A tuple, since it is made for every picture.
     """
 
     profile: Profile
-    light: FloatArray
-    peak: FloatArray
+    seen: FloatArray
     gain: float
     rough_share: float
     sunlit: bool
+
+    @property
+    def light(self) -> FloatArray:
+        """The mean of the pixels of each column, (width_px,)."""
+        light: FloatArray = self.seen[0]
+        return light
+
+    @property
+    def peak(self) -> FloatArray:
+        """The brightest pixel of each column, (width_px,)."""
+        peak: FloatArray = self.seen[1]
+        return peak
 
     def require_strip(self) -> None:
         """Raise `NoiseError` if this can be no strip, whatever stands before it."""
@@ -60,6 +71,7 @@ class ProfileSampler:
     def __init__(self, strip: Strip, empty: FloatArray, settings: VisionSettings) -> None:
         """Prepare for pictures of the size of `empty`, the mean of empty pictures (rows, W)."""
         self.taps = horizon_taps(strip, len(empty), settings.horizon_band)
+        self._runs = runs_of(self.taps.first_rows)
         self.reference = make_reference(strip, self.taps, empty, settings)
         self._saturated_grey = settings.saturated_grey
 
@@ -74,9 +86,9 @@ class ProfileSampler:
 
     def measure(self, picture: Picture, reference: Reference, gain_before: float = 1.0) -> Measured:
         """Measure a picture against any reference; `gain_before` is the gain to be expected."""
-        brightness, known, light, peak, gain, rough_share, is_full = _measure(
+        brightness, known, seen, gain, rough_share, is_full = _measure(
             np.ascontiguousarray(picture),
-            self.taps.first_rows,
+            self._runs,
             self.taps.weights,
             reference.black,
             reference.scale,
@@ -86,7 +98,7 @@ class ProfileSampler:
             gain_before,
         )
         return Measured(
-            Profile(brightness, known), light, peak, gain, rough_share, reference.sunlit or is_full
+            Profile(brightness, known), seen, gain, rough_share, reference.sunlit or is_full
         )
 
 
@@ -99,30 +111,22 @@ def shows_strip(strip: Strip, empty: FloatArray, settings: VisionSettings) -> bo
 @inlined
 def _sum_taps(
     picture: Picture,
-    first_rows: NDArray[np.int64],
+    runs: Runs,
     weights: FloatArray,
     light: FloatArray,
     peak: FloatArray,
 ) -> None:
-    """Add up the weighted mean and the brightest pixel of the taps of each column.
-
-    Columns that begin in the same row go together: a processor takes several pixels of one row at
-    once, but not of several rows.
-    """
-    start = 0
-    while start < len(first_rows):
-        stop = start + 1
-        while stop < len(first_rows) and first_rows[stop] == first_rows[start]:
-            stop += 1
+    """Add up the weighted mean and the brightest pixel of the taps of each column."""
+    for number in range(len(runs)):
+        start, stop, row = runs[number, 0], runs[number, 1], runs[number, 2]
         lights, peaks = light[start:stop], peak[start:stop]
         for tap in range(len(weights)):
-            greys, shares = picture[first_rows[start] + tap, start:stop], weights[tap, start:stop]
+            greys, shares = picture[row + tap, start:stop], weights[tap, start:stop]
             for column in range(stop - start):
                 grey = float(greys[column])
                 counted = grey if shares[column] > 0.0 else 0.0
                 lights[column] += shares[column] * grey
                 peaks[column] = max(peaks[column], counted)
-        start = stop
 
 
 @inlined
@@ -137,13 +141,13 @@ def _rough_share(brightness: FloatArray, known: BoolArray) -> float:
 
 
 @compiled(
-    "Tuple((f8[::1], b1[::1], f8[::1], f8[::1], f8, f8, b1))("
-    "Array(u1, 2, 'C', readonly=True), i8[::1], f8[:,::1], "
+    "Tuple((f8[::1], b1[::1], f8[:,::1], f8, f8, b1))("
+    "Array(u1, 2, 'C', readonly=True), i8[:,::1], f8[:,::1], "
     "f8[::1], f8[::1], b1[::1], b1[::1], f8, f8)"
 )
 def _measure(
     picture: Picture,
-    first_rows: NDArray[np.int64],
+    runs: Runs,
     weights: FloatArray,
     black: FloatArray,
     scale: FloatArray,
@@ -151,16 +155,17 @@ def _measure(
     clipped: BoolArray,
     saturated_grey: float,
     gain_before: float,
-) -> tuple[FloatArray, BoolArray, FloatArray, FloatArray, float, float, bool]:
-    """Return brightness, known columns, light and peak (all (width_px,)), gain and rough share.
+) -> tuple[FloatArray, BoolArray, FloatArray, float, float, bool]:
+    """Return brightness and known columns (W,), light and peak (2, W), gain and rough share.
 
     A column at full scale that is not so without a touch is not known: how bright it is cannot be
     told.  The last value tells whether so many are at full scale that the sun shines in.
     """
     width = len(black)
-    light, peak = np.zeros(width), np.zeros(width)
+    seen = np.zeros((2, width))
+    light, peak = seen[0], seen[1]
     brightness, known = np.empty(width), np.empty(width, np.bool_)
-    _sum_taps(picture, first_rows, weights, light, peak)
+    _sum_taps(picture, runs, weights, light, peak)
     useful = full = 0
     for column in range(width):
         brightness[column] = (light[column] - black[column]) * scale[column]
@@ -173,4 +178,4 @@ def _measure(
         brightness[column] *= 1.0 / gain
     rough_share = _rough_share(brightness, known)
     fill_in(brightness, known)
-    return brightness, known, light, peak, gain, rough_share, full > SUNLIT_SHARE * useful
+    return brightness, known, seen, gain, rough_share, full > SUNLIT_SHARE * useful

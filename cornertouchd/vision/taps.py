@@ -17,6 +17,8 @@ from cornertouchd.vision.strip import Strip
 HORIZON_SAMPLES = 5
 """Rows sampled across the horizon band; more change no edge by 0.01 px (rendered pictures)."""
 
+Runs = NDArray[np.int64]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StripTaps:
@@ -43,6 +45,17 @@ class StripTaps:
         rows = self.first_rows + np.arange(taps)[:, None]
         taken: FloatArray = picture[rows, np.arange(width)].astype(np.float64)
         return taken
+
+
+def runs_of(rows: NDArray[np.integer]) -> Runs:
+    """Return the runs of columns that have the same row, (N, 3): first column, end and row.
+
+    Columns that begin in one row are worked on together: a processor takes several pixels of one
+    row at once, but not of several rows.
+    """
+    starts = np.flatnonzero(np.diff(rows, prepend=-1))
+    stops = np.append(starts[1:], len(rows))
+    return np.ascontiguousarray(np.stack([starts, stops, rows[starts]], axis=1), dtype=np.int64)
 
 
 def horizon_taps(strip: Strip, rows_px: int, band: float) -> StripTaps:

@@ -12,6 +12,7 @@ from cornertouchd.compiling import borrowing
 from cornertouchd.model import FloatArray, Picture
 from cornertouchd.vision.strip import Strip
 from cornertouchd.vision.strip_now import BLACK, CHANGED, FULL
+from cornertouchd.vision.taps import Runs
 
 WAIST_ABOVE_PX = 3
 """The waist lies on the surface line or below: the camera looks down at it.  Rows above it are kept
@@ -62,38 +63,34 @@ def write_light(
     picture: Picture,
     light_at: Columns,
     waist: Light,
-    waist_first: Columns,
+    runs: Runs,
     strip: Light,
     exposure: np.float32,
     light: Light,
 ) -> None:
     """Write what is left of the light in the kept columns, (waist rows, kept columns).
 
-    `strip` is (3, width_px).  Neighbours whose waists begin in the same row go together: a
-    processor takes several pixels of one row at once, but not of several rows.
+    `runs` are those of the first rows of the waist; `strip` is (3, width_px).
     """
-    start, width = 0, len(light_at)
-    while start < width:
-        kept, top, stop = light_at[start], waist_first[start], start + 1
-        while (
-            stop < width
-            and waist_first[stop] == top
-            and light_at[stop] == (kept + stop - start if kept >= 0 else -1)
-        ):
+    for number in range(len(runs)):
+        stop, end, top = runs[number, 0], runs[number, 1], runs[number, 2]
+        while stop < end:
+            start = stop
+            while stop < end and light_at[stop] >= 0:
+                stop += 1
+            if stop > start:
+                _write_light_of_run(
+                    picture,
+                    np.uint64(start),
+                    np.uint64(stop - start),
+                    np.uint64(top),
+                    waist,
+                    strip,
+                    exposure,
+                    np.uint64(light_at[start]),
+                    light,
+                )
             stop += 1
-        if kept >= 0:
-            _write_light_of_run(
-                picture,
-                np.uint64(start),
-                np.uint64(stop - start),
-                np.uint64(top),
-                waist,
-                strip,
-                exposure,
-                np.uint64(kept),
-                light,
-            )
-        start = stop
 
 
 @borrowing
