@@ -4,7 +4,10 @@ A finger that touches and its mirror image make an hourglass; its waist lies on 
 and is dark.  One that hovers leaves a gap there, through which the strip shines.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from cornertouchd.compiling import borrowing
 from cornertouchd.fusion.edge_rows import row_of_three
@@ -15,7 +18,6 @@ from cornertouchd.fusion.rays import (
     ROWS_PER_SLOPE,
     SHEAR,
     VISIBLE,
-    Traces,
     Views,
     between,
     column_at,
@@ -46,32 +48,27 @@ MOST_AGREED = len(LESS_IF_AGREED)
 THINNEST_FINGER_MM, THIN_LIGHT = 3.0, 0.47
 
 
+class KeptLight(NamedTuple):
+    """The light of a camera below what it sees: `light` (R, N) and so on of its `Outlines`."""
+
+    light: NDArray[np.float32]
+    light_at: NDArray[np.int32]
+    light_row_px: NDArray[np.int32]
+
+
 @borrowing
-def gap_number(
-    views: Views,
-    traces: Traces,
-    x_mm: float,
-    y_mm: float,
-    radius_mm: float,
-    light: FloatArray,
-) -> tuple[float, int]:
+def gap_number(total: float, cameras: int, radius_mm: float) -> float:
     """Return the light at the waist in units of the most that a touching finger lets through.
 
-    It is the mean over the cameras that could tell, whose number is also returned; NaN if none.
-    `light` is room for that on all rows.
+    It is the mean over the cameras that could tell, NaN if none; `total` is the sum over them of
+    the light that each sees in units of `light_of_touch`.
     """
-    total, cameras = 0.0, 0
-    for camera in range(len(views.eyes)):
-        brightest, pixels_per_mm = light_gap(views, traces, camera, x_mm, y_mm, radius_mm, light)
-        if np.isfinite(brightest):
-            total += brightest / light_of_touch(pixels_per_mm, radius_mm)
-            cameras += 1
     if cameras == 0:
-        return np.nan, 0
+        return np.nan
     agreed = (
         1.0 if radius_mm < THINNEST_FINGER_MM else LESS_IF_AGREED[min(cameras, MOST_AGREED) - 1]
     )
-    return total / cameras / agreed, cameras
+    return total / cameras / agreed
 
 
 @borrowing
@@ -85,7 +82,7 @@ def light_of_touch(pixels_per_mm: float, radius_mm: float) -> float:
 @borrowing
 def light_gap(
     views: Views,
-    traces: Traces,
+    kept: KeptLight,
     camera: int,
     x_mm: float,
     y_mm: float,
@@ -124,9 +121,8 @@ def light_gap(
         left_px = between(by_column, below, share, BOTTOM) - waist_px
         if not np.copysign(1.0, rows_per_slope_px) * left_px > END_PX:
             return np.nan, pixels_per_mm
-        column = first_column[camera] + int(column_px)
         first_px = waist_px - ROWS // 2 * ROW_STEP_PX
-        _add_light(traces, camera, column, first_px, light)
+        _add_light(kept, int(column_px), first_px, light)
     brightest = np.nan
     for row in range(ROWS):
         if np.isfinite(light[row]) and not light[row] <= brightest:
@@ -183,20 +179,18 @@ def _is_in_sight(views: Views, camera: int, middle_px: float, half_px: float) ->
 
 
 @borrowing
-def _add_light(
-    traces: Traces, camera: int, column: int, first_px: float, light: FloatArray
-) -> None:
+def _add_light(kept: KeptLight, column: int, first_px: float, light: FloatArray) -> None:
     """Add the light of a column at rows from `first_px` on, NaN where it was not kept."""
-    kept, rows = traces.light_at[column], traces.light_rows[camera]
-    first = traces.first_light[camera]
-    columns = (traces.first_light[camera + 1] - first) // max(rows, 1)
-    row = first_px - 0.5 - traces.light_row_px[column]
+    rows, columns = kept.light.shape
+    place = kept.light_at[column]
+    row = first_px - 0.5 - kept.light_row_px[column]
     for step in range(ROWS):
-        if 0 <= kept < columns and 0.0 <= row < rows - 1:
-            above = first + int(row) * columns + kept
-            share = row - int(row)
-            here, there = traces.light[above], traces.light[above + columns]
-            light[step] += (1.0 - share) * here + share * there
+        if 0 <= place < columns and 0.0 <= row < rows - 1:
+            above = int(row)
+            share = row - above
+            light[step] += (1.0 - share) * kept.light[above, place] + share * kept.light[
+                above + 1, place
+            ]
         else:
             light[step] = np.nan
         row += ROW_STEP_PX

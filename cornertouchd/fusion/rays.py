@@ -9,13 +9,12 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cornertouchd.compiling import borrowing
+from cornertouchd.compiling import borrowing, inlined
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import row_of_three
 from cornertouchd.geometry import unit_vectors
-from cornertouchd.model import BoolArray, FloatArray, Outlines
+from cornertouchd.model import BoolArray, FloatArray
 
 # What outlines deviate from those of any smooth finger, and how exactly they are traced.
 OUTLINE_SIGMA_MM = 0.12
@@ -81,19 +80,12 @@ class Traces(NamedTuple):
     """The outlines of C cameras one after the other.
 
     Camera c owns those from `first_outline[c]` up to `first_outline[c + 1]` of `columns_px` and
-    `rows_px` (K, 2, L).  Its light is in `light` from `first_light[c]` up to `first_light[c + 1]`,
-    in `light_rows[c]` rows one after the other; `light_at` and `light_row_px` (W,) are by column of
-    the picture, as in `Views`.
+    `rows_px` (K, 2, L).
     """
 
     first_outline: IntArray
     columns_px: FloatArray
     rows_px: FloatArray
-    light: NDArray[np.float32]
-    first_light: IntArray
-    light_rows: IntArray
-    light_at: NDArray[np.int32]
-    light_row_px: NDArray[np.int32]
 
 
 def views_of(cameras: Sequence[SeesHeights]) -> Views:
@@ -113,35 +105,33 @@ def views_of(cameras: Sequence[SeesHeights]) -> Views:
     )
 
 
-def traces_of(outlines: Sequence[Outlines]) -> Traces:
-    """Put the outlines of at least one camera one after the other."""
-    first_outline, first_light = [0], [0]
-    for one in outlines:
-        first_outline.append(first_outline[-1] + len(one.columns_px))
-        first_light.append(first_light[-1] + one.light.size)
-    return Traces(
-        np.array(first_outline, np.intp),
-        _stacked([one.columns_px for one in outlines]),
-        _stacked([one.rows_px for one in outlines]),
-        np.concatenate([one.light.ravel() for one in outlines]),
-        np.array(first_light, np.intp),
-        np.array([len(one.light) for one in outlines], np.intp),
-        np.concatenate([one.light_at for one in outlines]),
-        np.concatenate([one.light_row_px for one in outlines]),
-    )
+@inlined
+def traces_of(
+    columns_px: tuple[FloatArray, ...], rows_px: tuple[FloatArray, ...], cameras: int
+) -> Traces:
+    """Put the outlines of the first cameras one after the other."""
+    first_outline, levels = np.zeros(cameras + 1, np.intp), 0
+    for camera in range(cameras):
+        first_outline[camera + 1] = first_outline[camera] + len(columns_px[camera])
+        levels = max(levels, columns_px[camera].shape[2])
+    size = (first_outline[cameras], 2, levels)
+    traces = Traces(first_outline, np.empty(size), np.empty(size))
+    for camera in range(cameras):
+        _copy_outlines(columns_px[camera], first_outline[camera], traces.columns_px)
+        _copy_outlines(rows_px[camera], first_outline[camera], traces.rows_px)
+    return traces
 
 
-def _stacked(edges: Sequence[FloatArray]) -> FloatArray:
-    """Return all (K, 2, L), with as many rows as the longest has."""
-    longest = max(one.shape[2] for one in edges)
-    if all(one.shape[2] == longest for one in edges):
-        return np.concatenate(edges)
-    return np.concatenate(
-        [
-            np.pad(one, ((0, 0), (0, 0), (0, longest - one.shape[2])), constant_values=np.nan)
-            for one in edges
-        ]
-    )
+@borrowing
+def _copy_outlines(outlines: FloatArray, first: int, copies: FloatArray) -> None:
+    """Copy (K, 2, L) to their place among others, which may have more levels."""
+    for outline in range(len(outlines)):
+        for edge in range(2):
+            for level in range(copies.shape[2]):
+                is_known = level < outlines.shape[2]
+                copies[first + outline, edge, level] = (
+                    outlines[outline, edge, level] if is_known else np.nan
+                )
 
 
 @borrowing

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cornertouchd.fusion.crossed import IntArray
-from cornertouchd.fusion.rays import SeesHeights, traces_of, views_of
+from cornertouchd.fusion.rays import SeesHeights, views_of
 from cornertouchd.fusion.touch_table import (
     AT_RADIUS,
     AT_X,
@@ -23,6 +23,7 @@ from cornertouchd.fusion.touch_table import (
     LEAN,
     LEAN_SIGMA,
     METHOD,
+    MOST_CAMERAS,
     XX,
     YY,
     touch_points,
@@ -56,12 +57,14 @@ class TouchPoints:
 class TouchPointFinder:
     """Finds the touch points of contacts seen by cameras; keeps nothing from one call to the next.
 
-    `cameras` are the tables of all C cameras of the rig, in a lasting order.
+    `cameras` are the tables of all C cameras of the rig, at most `MOST_CAMERAS`, in a lasting
+    order.
     """
 
     def __init__(self, cameras: Sequence[SeesHeights]) -> None:
         self._views = views_of(cameras)
         self._nothing = [_no_outlines(len(camera.horizon_px)) for camera in cameras]
+        self._lacking = [_no_outlines(0)] * (MOST_CAMERAS - len(self._nothing))
 
     def find(
         self,
@@ -97,17 +100,14 @@ class TouchPointFinder:
                     f"outlines of camera {number}: {len(one.light_at)} columns; "
                     f"its table has {len(nothing.light_at)}"
                 )
-        traces = traces_of(seen)
+        seen += self._lacking
         return touch_points(
             *self._views,
-            traces.first_outline,
-            traces.columns_px,
-            traces.rows_px,
-            traces.light,
-            traces.first_light,
-            traces.light_rows,
-            traces.light_at,
-            traces.light_row_px,
+            tuple([np.ascontiguousarray(one.columns_px) for one in seen]),
+            tuple([np.ascontiguousarray(one.rows_px) for one in seen]),
+            tuple([np.ascontiguousarray(one.light) for one in seen]),
+            tuple([one.light_at for one in seen]),
+            tuple([one.light_row_px for one in seen]),
             sections,
             owned,
         )

@@ -31,12 +31,12 @@ from cornertouchd.fusion.cholesky import write_inverse_column
 from cornertouchd.fusion.crossed import IntArray
 from cornertouchd.fusion.edge_rows import row_of_three
 from cornertouchd.fusion.grazing import weaken_shared
-from cornertouchd.fusion.hover import ROWS, gap_number
+from cornertouchd.fusion.hover import ROWS, KeptLight, gap_number, light_gap, light_of_touch
 from cornertouchd.fusion.rays import (
     RAY_ROWS,
-    Traces,
     Views,
     every_second,
+    traces_of,
     without_edge,
     without_outer,
     write_rays,
@@ -70,6 +70,9 @@ SMALLEST_RADIUS_MM, LARGEST_RADIUS_MM = 2.5, 13.0
 # itself.  With these, 95 % of the capsules in path-traced pictures lie within 1.8 sigmas.
 RAYS_IN_ONE = 2.0
 CALIBRATION_SIGMA_MM = 0.04
+
+# Compiled code takes the outlines of so many cameras; those that a rig lacks have none.
+MOST_CAMERAS = 8
 
 # Columns of the table of touch points.
 AT_X, AT_Y, XX, XY, YY, AT_RADIUS = range(6)
@@ -249,23 +252,39 @@ def _write_lean(
     )
 
 
+@borrowing
+def _add_gap(
+    points: FloatArray,
+    contact: int,
+    views: Views,
+    kept: KeptLight,
+    camera: int,
+    light: FloatArray,
+) -> None:
+    """Add the light that a camera sees below a contact; `light` is room for that on all rows."""
+    x, y, radius = points[contact, AT_X], points[contact, AT_Y], points[contact, AT_RADIUS]
+    brightest, pixels_per_mm = light_gap(views, kept, camera, x, y, radius, light)
+    if np.isfinite(brightest):
+        points[contact, GAP] += brightest / light_of_touch(pixels_per_mm, radius)
+        points[contact, GAP_CAMERAS] += 1.0
+
+
 @compiled(
-    "f8[:,::1](f8[:,::1], i8[::1], f8[:,::1], f8[:,::1], i8[::1], f8[:,:,::1], f8[:,:,::1],"
-    " f4[::1], i8[::1], i8[::1], i4[::1], i4[::1], f8[:,::1], i8[:,:,::1])"
+    "f8[:,::1](f8[:,::1], i8[::1], f8[:,::1], f8[:,::1],"
+    f" UniTuple(f8[:,:,::1], {MOST_CAMERAS}), UniTuple(f8[:,:,::1], {MOST_CAMERAS}),"
+    f" UniTuple(f4[:,::1], {MOST_CAMERAS}), UniTuple(i4[::1], {MOST_CAMERAS}),"
+    f" UniTuple(i4[::1], {MOST_CAMERAS}), f8[:,::1], i8[:,:,::1])"
 )
 def touch_points(
     eyes: FloatArray,
     first_column: IntArray,
     by_column: FloatArray,
     directions: FloatArray,
-    first_outline: IntArray,
-    columns_px: FloatArray,
-    rows_px: FloatArray,
-    light: NDArray[np.float32],
-    first_light: IntArray,
-    light_rows: IntArray,
-    light_at: NDArray[np.int32],
-    light_row_px: NDArray[np.int32],
+    columns_px: tuple[FloatArray, ...],
+    rows_px: tuple[FloatArray, ...],
+    light: tuple[NDArray[np.float32], ...],
+    light_at: tuple[NDArray[np.int32], ...],
+    light_row_px: tuple[NDArray[np.int32], ...],
     sections: FloatArray,
     owned: IntArray,
 ) -> FloatArray:
@@ -273,20 +292,12 @@ def touch_points(
 
     Those with few edges are looked at twice: rays that graze the capsules of others tell less.
 
-    The arguments are those of `Views`, `Traces` and `TouchPointFinder.table`.
+    The first arguments are those of `Views`, then come those of `Outlines`, one array a camera (any
+    beyond the number of `eyes` are left alone); the last are those of `TouchPointFinder.table`.
     """
     views = Views(eyes, first_column, by_column, directions)
-    traces = Traces(
-        first_outline,
-        columns_px,
-        rows_px,
-        light,
-        first_light,
-        light_rows,
-        light_at,
-        light_row_px,
-    )
-    room = _room_for(2 * len(eyes) * columns_px.shape[2])
+    traces = traces_of(columns_px, rows_px, len(eyes))
+    room = _room_for(2 * len(eyes) * traces.columns_px.shape[2])
     points, poses = np.empty((len(sections), COLUMNS)), np.full((len(sections), 8), np.nan)
     edges = np.full(len(sections), FEWEST_EDGES)
     camera_mm = float(np.mean(eyes[:, 2]))
@@ -304,14 +315,12 @@ def touch_points(
             edges[contact] = _fit(points, contact, room, count, seen, cameras)
             if again == 0 and points[contact, METHOD] == CAPSULE:
                 write_pose(room.capsule, poses[contact])
+    for camera in range(len(eyes)):
+        kept = KeptLight(light[camera], light_at[camera], light_row_px[camera])
+        for contact in range(len(sections)):
+            _add_gap(points, contact, views, kept, camera, room.light)
     for contact in range(len(sections)):
-        gap, cameras = gap_number(
-            views,
-            traces,
-            points[contact, AT_X],
-            points[contact, AT_Y],
-            points[contact, AT_RADIUS],
-            room.light,
+        points[contact, GAP] = gap_number(
+            points[contact, GAP], int(points[contact, GAP_CAMERAS]), points[contact, AT_RADIUS]
         )
-        points[contact, GAP], points[contact, GAP_CAMERAS] = gap, cameras
     return points
