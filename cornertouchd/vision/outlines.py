@@ -101,7 +101,7 @@ class OutlineTracer:
             full = self._settings.saturated_grey
             picture = light_of_leds(picture, dark, reference.black, full)
         by_column, in_rows = self._strip_now.of(reference)
-        columns, rows, light, light_at = _trace(
+        met, light, light_at = _trace(
             np.ascontiguousarray(picture),
             shadows.edges_px,
             shadows.valid,
@@ -116,7 +116,7 @@ class OutlineTracer:
             self._waist_runs,
             self._widest_px,
         )
-        return Outlines(columns, rows, light, light_at, self._waist_first)
+        return Outlines(met[0], met[1], light, light_at, self._waist_first)
 
 
 def level_rows(strip: Strip) -> FloatArray:
@@ -176,8 +176,8 @@ def _left_at(
     if not max(here, there) < strip[here_at, FULL]:
         return nan
     grey = here + (row - whole_row) * (there - here)
-    now = strip[here_at, CHANGED] * exposure
-    return float((grey - strip[here_at, BLACK]) * whole * now)
+    share = whole * (strip[here_at, CHANGED] * exposure)  # while the pixels are waited for
+    return float((grey - strip[here_at, BLACK]) * share)
 
 
 @borrowing
@@ -311,7 +311,7 @@ def _follow_edge(
 
 
 @compiled(
-    "Tuple((f8[:,:,::1], f8[:,:,::1], f4[:,::1], i4[::1]))("
+    "Tuple((f8[:,:,:,::1], f4[:,::1], i4[::1]))("
     "Array(u1, 2, 'C', readonly=True), f8[:,::1], b1[:,::1], f8[::1], "
     "f8[:,::1], f4[:,::1], f8, f8, f4[:,::1], i8, f4[:,::1], i8[:,::1], i8)"
 )
@@ -329,14 +329,13 @@ def _trace(
     waist: Light,
     waist_runs: Runs,
     widest_px: int,
-) -> tuple[FloatArray, FloatArray, Light, Columns]:
-    """Return columns and rows of the edges (K, 2, L), the light (R, N) and where columns are in it.
+) -> tuple[FloatArray, Light, Columns]:
+    """Return columns and rows of edges (2, K, 2, L), light (R, N) and where columns are in that.
 
     `by_column` and `in_rows` are those of `StripNow`; `exposure` is 1 over the gain.
     """
     count, width = len(depth), len(by_column)
-    columns = np.full((count, 2, inverse.shape[1]), nan)
-    rows = np.full((count, 2, inverse.shape[1]), nan)
+    met = np.full((2, count, 2, inverse.shape[1]), nan)
     light_at = np.full(width, -1, np.int32)
     edges = 0
     for number in range(count):
@@ -355,8 +354,8 @@ def _trace(
                     stride,
                     by_column,
                     exposure,
-                    columns[number, side],
-                    rows[number, side],
+                    met[0, number, side],
+                    met[1, number, side],
                 )
     kept = 0
     if len(waist) > 0:
@@ -364,4 +363,4 @@ def _trace(
     light = np.empty((len(waist), kept), np.float32)
     if kept > 0:
         write_light(picture, light_at, waist, waist_runs, in_rows, np.float32(exposure), light)
-    return columns, rows, light, light_at
+    return met, light, light_at

@@ -26,15 +26,15 @@ class NoiseError(Exception):
 class Measured(NamedTuple):
     """What a picture shows: its profile, and the grey levels (width_px,) that it comes from.
 
-    `seen` (2, width_px) are the mean of a column's pixels, `light`, and the brightest, `peak`;
-    `gain` is how much brighter than the reference the uncovered strip is; `rough_share` of the
-    columns differ much from the next.
-    `sunlit` tells whether sunlight is to be reckoned with, that of the reference or a new one.
-    A tuple, since it is made for every picture.
+    `levels` (3, width_px) are the profile's brightness, the mean of a column's pixels, `light`,
+    and the brightest, `peak`.  `gain` is how much brighter than the reference the uncovered strip
+    is; `rough_share` of the columns differ much from the next.  `sunlit` tells whether sunlight is
+    to be reckoned with, that of the reference or a new one.  A tuple, since it is made for every
+    picture.
     """
 
     profile: Profile
-    seen: FloatArray
+    levels: FloatArray
     gain: float
     rough_share: float
     sunlit: bool
@@ -42,13 +42,13 @@ class Measured(NamedTuple):
     @property
     def light(self) -> FloatArray:
         """The mean of the pixels of each column, (width_px,)."""
-        light: FloatArray = self.seen[0]
+        light: FloatArray = self.levels[1]
         return light
 
     @property
     def peak(self) -> FloatArray:
         """The brightest pixel of each column, (width_px,)."""
-        peak: FloatArray = self.seen[1]
+        peak: FloatArray = self.levels[2]
         return peak
 
     def require_strip(self) -> None:
@@ -86,7 +86,7 @@ class ProfileSampler:
 
     def measure(self, picture: Picture, reference: Reference, gain_before: float = 1.0) -> Measured:
         """Measure a picture against any reference; `gain_before` is the gain to be expected."""
-        brightness, known, seen, gain, rough_share, is_full = _measure(
+        levels, known, gain, rough_share, is_full = _measure(
             np.ascontiguousarray(picture),
             self._runs,
             self.taps.weights,
@@ -98,7 +98,7 @@ class ProfileSampler:
             gain_before,
         )
         return Measured(
-            Profile(brightness, known), seen, gain, rough_share, reference.sunlit or is_full
+            Profile(levels[0], known), levels, gain, rough_share, reference.sunlit or is_full
         )
 
 
@@ -141,7 +141,7 @@ def _rough_share(brightness: FloatArray, known: BoolArray) -> float:
 
 
 @compiled(
-    "Tuple((f8[::1], b1[::1], f8[:,::1], f8, f8, b1))("
+    "Tuple((f8[:,::1], b1[::1], f8, f8, b1))("
     "Array(u1, 2, 'C', readonly=True), i8[:,::1], f8[:,::1], "
     "f8[::1], f8[::1], b1[::1], b1[::1], f8, f8)"
 )
@@ -155,16 +155,15 @@ def _measure(
     clipped: BoolArray,
     saturated_grey: float,
     gain_before: float,
-) -> tuple[FloatArray, BoolArray, FloatArray, float, float, bool]:
-    """Return brightness and known columns (W,), light and peak (2, W), gain and rough share.
+) -> tuple[FloatArray, BoolArray, float, float, bool]:
+    """Return brightness, light and peak (3, width_px), known columns, gain and rough share.
 
     A column at full scale that is not so without a touch is not known: how bright it is cannot be
     told.  The last value tells whether so many are at full scale that the sun shines in.
     """
     width = len(black)
-    seen = np.zeros((2, width))
-    light, peak = seen[0], seen[1]
-    brightness, known = np.empty(width), np.empty(width, np.bool_)
+    levels, known = np.zeros((3, width)), np.empty(width, np.bool_)
+    brightness, light, peak = levels[0], levels[1], levels[2]
     _sum_taps(picture, runs, weights, light, peak)
     useful = full = 0
     for column in range(width):
@@ -178,4 +177,4 @@ def _measure(
         brightness[column] *= 1.0 / gain
     rough_share = _rough_share(brightness, known)
     fill_in(brightness, known)
-    return brightness, known, seen, gain, rough_share, full > SUNLIT_SHARE * useful
+    return levels, known, gain, rough_share, full > SUNLIT_SHARE * useful
