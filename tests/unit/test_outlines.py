@@ -139,6 +139,23 @@ def test_the_compiled_tracer_does_what_the_oracle_does(
     assert outlines.rows_px == pytest.approx(rows, abs=1e-6, nan_ok=True)
 
 
+def test_a_tracer_goes_along_when_the_strip_changes_and_changes_back() -> None:
+    """What it keeps of a strip is not taken for that of another one."""
+    eye, usual = GLOSSY, GLOSSY.reference
+    picture = eye.picture([Finger(150.0, 200.0, 10.0, 0.3, 1.0, 0.0)])
+    shadows, gain = eye.finder.find_with_hidden(picture)
+    dim = Reference.of(usual.black, 0.7 * usual.light, usual.peak, usual.least_light, 250.0)
+    seen = {}
+    for now in (usual, dim, usual, dim):
+        fresh = OutlineTracer(eye.strip, eye.empty, usual, VISION)
+        kept = eye.tracer.trace(picture, shadows, now, gain)
+        alone = fresh.trace(picture, shadows, now, gain)
+        assert np.array_equal(kept.light, alone.light, equal_nan=True)
+        assert np.array_equal(kept.columns_px, alone.columns_px, equal_nan=True)
+        seen[id(now)] = kept.light
+    assert seen[id(dim)] == pytest.approx(seen[id(usual)] / 0.7, rel=1e-5, nan_ok=True)
+
+
 def test_levels_run_from_the_top_down_on_either_side_of_the_surface_line() -> None:
     rows, strip = level_rows(GLOSSY.strip), GLOSSY.strip
     assert (np.diff(rows, axis=0) > 0).all()
