@@ -7,7 +7,8 @@
 Pictures of the simulated rig (350x400 mm, four cameras, 640x64 pixels), fingers that move.  Beside
 our path: the paper's edges and crossing in the same daemon, and the usual way to find shadows, with
 OpenCV: subtract the background, threshold, open, label connected components.  All take turns in the
-same run.  A cell is median / p99.  --check ends with status 1 if a goal is missed.
+same run, and find their pictures in the processor's caches, where reading a camera leaves them.  A
+cell is median / p99.  --check ends with status 1 if a goal is missed.
 
 OpenCV is given the same four pictures as our path, all 64 rows of them: the band of the image that
 holds the strip, and all that the daemon ever sees.  Our path looks at the dozen rows where the
