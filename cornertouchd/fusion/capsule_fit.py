@@ -24,6 +24,7 @@ from cornertouchd.fusion.rays import (
     EYE_Z,
     SLOPE,
     WEIGHT,
+    fill_up,
     height_over,
 )
 from cornertouchd.model import FloatArray
@@ -97,10 +98,11 @@ def fit_capsule(
     `expected` (7,) is what they are near to beforehand; `rows` (11, at least count) is written as
     by `total_cost`.  Returns the mean of rho over the rays.  Rays are turned up by `mirror_up`.
     """
-    mirror_up(rays, count, capsule[X], capsule[Y])
+    filled = fill_up(rays, count)
+    mirror_up(rays, filled, capsule[X], capsule[Y])
     normal, slope, step, pose = room.normal, room.slope, room.step, room.pose
     tried, tried_normal, tried_slope = room.tried, room.tried_normal, room.tried_slope
-    cost = total_cost(rays, count, expected, capsule, pose, normal, slope, rows)
+    cost = total_cost(rays, filled, expected, capsule, pose, normal, slope, rows)
     damping = LEAST_DAMPING
     for _ in range(STEPS):
         for i in range(UNKNOWNS):
@@ -112,7 +114,9 @@ def fit_capsule(
         solve(information, step)
         for i in range(UNKNOWNS):
             tried[i] = capsule[i] + step[i]
-        tried_cost = total_cost(rays, count, expected, tried, pose, tried_normal, tried_slope, rows)
+        tried_cost = total_cost(
+            rays, filled, expected, tried, pose, tried_normal, tried_slope, rows
+        )
         if tried_cost <= cost:
             _copy(tried, tried_normal, tried_slope, capsule, normal, slope)
             cost, damping = tried_cost, LEAST_DAMPING

@@ -28,6 +28,9 @@ MOST_WIDENED = 2
 # Nearer to a camera than this the picture shows nothing but the finger.
 NEAREST_MM = 1.0
 
+# So many rays are added up at once: four in a register, four registers in turn.
+TOGETHER = 16
+
 # Columns of what is known of a camera's columns.
 HORIZON, ROWS_PER_SLOPE, SHEAR, BOTTOM, VISIBLE = range(5)
 # Rows of a table of rays: where they begin, their unit direction, the unit normal (level) that
@@ -229,6 +232,20 @@ def every_second(rays: FloatArray, count: int) -> int:
         for kept in range(1, (count + 1) // 2):
             rays[row, kept] = rays[row, 2 * kept]
     return (count + 1) // 2
+
+
+@borrowing
+def fill_up(rays: FloatArray, count: int) -> int:
+    """Write rays that weigh nothing behind the first `count`; return how many are there then.
+
+    What is left over of `TOGETHER` rays takes a processor as long as all of them.
+    """
+    filled = int(min((count + TOGETHER - 1) // TOGETHER * TOGETHER, rays.shape[1]))
+    for row in range(RAY_ROWS):
+        for ray in range(count, filled):
+            rays[row, ray] = rays[row, 0]
+    rays[WEIGHT, count:filled] = 0.0
+    return filled
 
 
 @borrowing

@@ -34,6 +34,7 @@ from cornertouchd.fusion.grazing import weaken_shared
 from cornertouchd.fusion.hover import ROWS, KeptLight, gap_number, light_gap, light_of_touch
 from cornertouchd.fusion.rays import (
     RAY_ROWS,
+    TOGETHER,
     Views,
     every_second,
     traces_of,
@@ -297,7 +298,7 @@ def touch_points(
     """
     views = Views(eyes, first_column, by_column, directions)
     traces = traces_of(columns_px, rows_px, len(eyes))
-    room = _room_for(2 * len(eyes) * traces.columns_px.shape[2])
+    room = _room_for(2 * len(eyes) * traces.columns_px.shape[2] + TOGETHER)
     points, poses = np.empty((len(sections), COLUMNS)), np.full((len(sections), 8), np.nan)
     edges = np.full(len(sections), FEWEST_EDGES)
     camera_mm = float(np.mean(eyes[:, 2]))
