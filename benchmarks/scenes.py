@@ -338,6 +338,6 @@ def observed_in_view(rig: Rig, discs: FloatArray, rng: np.random.Generator) -> l
     """Return what the cameras of the rig measure of the discs, and where they look at all."""
     half_view_rad = float(np.arctan((rig.width_px / 2.0 - 1.0) / rig.focal_px))
     return [
-        replace(seen, view_rad=(forward_rad - half_view_rad, forward_rad + half_view_rad))
+        seen._replace(view_rad=(forward_rad - half_view_rad, forward_rad + half_view_rad))
         for seen, (*_, forward_rad) in zip(observed(rig, discs, rng), rig.cameras(), strict=True)
     ]

@@ -7,7 +7,7 @@ taken when the picture was taken.
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ Picture = NDArray[np.uint8]
 ContactKind = Literal["finger", "palm", "pen"]
 SEES_EVERYTHING = (-math.inf, math.inf)
 """The view of a camera that looks in all directions."""
+NO_EDGES: NDArray[np.intp] = np.empty((2, 0), np.intp)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,8 +146,7 @@ class FrameSet:
     observations: tuple[Observation, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class DirectingLines:
+class DirectingLines(NamedTuple):
     """The K shadows of one camera laid on the surface: lines through (x_mm, y_mm), by angle.
 
     A shadow lies between `first_rad` and `last_rad` (first < last); `centre_rad` belongs to the
@@ -156,7 +156,8 @@ class DirectingLines:
     neither shadow nor light.
 
     `edges` (2, K) are the edges of the picture that first and last angle belong to: twice the
-    number of the shadow, and one more for its right edge; empty if there is no picture.
+    number of the shadow, and one more for its right edge; empty if there is no picture.  A tuple,
+    since one is made for every picture.
     """
 
     camera: str
@@ -169,7 +170,7 @@ class DirectingLines:
     last_valid: BoolArray
     sigma_rad: FloatArray
     view_rad: tuple[float, float] = SEES_EVERYTHING
-    edges: NDArray[np.intp] = field(default_factory=lambda: np.empty((2, 0), np.intp))
+    edges: NDArray[np.intp] = NO_EDGES
 
 
 class Lean(NamedTuple):

@@ -148,8 +148,7 @@ class PaperCrossing:
 def _with_whole_shadows(camera: DirectingLines) -> DirectingLines:
     """Keep the shadows of which both edges are seen: only those have a centre."""
     whole = camera.first_valid & camera.last_valid & np.isfinite(camera.centre_rad)
-    return replace(
-        camera,
+    return camera._replace(
         first_rad=camera.first_rad[whole],
         centre_rad=camera.centre_rad[whole],
         last_rad=camera.last_rad[whole],

@@ -37,9 +37,9 @@ class LineTable:
         Where there is no line for an edge, the edge is not valid and the shadow reaches as far as
         there are lines.  A shadow without any line is left out.
         """
-        first, centre, last, sigma, first_valid, last_valid, edges = _lay(
-            shadows.edges_px, shadows.valid, self.angles_rad, edge_sigma_px
-        )
+        lines, valid, edges = _lay(shadows.edges_px, shadows.valid, self.angles_rad, edge_sigma_px)
+        first, centre, last, sigma = lines
+        first_valid, last_valid = valid
         return DirectingLines(
             self.camera,
             self.x_mm,
@@ -86,14 +86,11 @@ def _angle(table: FloatArray, column: float) -> float:
     return float(table[below] + (column - below) * (table[below + 1] - table[below]))
 
 
-@compiled(
-    "Tuple((f8[::1], f8[::1], f8[::1], f8[::1], b1[::1], b1[::1], i8[:,:]))"
-    "(f8[:,::1], b1[:,::1], f8[::1], f8)"
-)
+@compiled("Tuple((f8[:,:], b1[:,:], i8[:,:]))(f8[:,::1], b1[:,::1], f8[::1], f8)")
 def _lay(
     edges_px: FloatArray, edge_valid: BoolArray, table: FloatArray, edge_sigma_px: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray, BoolArray, IntArray]:
-    """Return first, centre and last angle, sigma, and which ends are valid, all (K,).
+) -> tuple[FloatArray, BoolArray, IntArray]:
+    """Return first, centre and last angle and sigma (4, K), and which ends are valid (2, K).
 
     And which edges of the picture they are (2, K): a left one has twice the number of its shadow.
     Ordered by first angle; a camera that hangs upside down counts its columns against the angle.
@@ -139,12 +136,4 @@ def _lay(
         valid[0, place], valid[1, place] = left_valid, right_valid
         edges[0, place], edges[1, place] = 2 * shadow + begins, 2 * shadow + 1 - begins
         count += 1
-    return (
-        lines[0, :count],
-        lines[1, :count],
-        lines[2, :count],
-        lines[3, :count],
-        valid[0, :count],
-        valid[1, :count],
-        edges[:, :count],
-    )
+    return lines[:, :count], valid[:, :count], edges[:, :count]

@@ -6,7 +6,7 @@ the disc: positive when it lies deeper in the shadow, negative when it reaches i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,8 +130,7 @@ def _usable(camera: DirectingLines, most: int) -> DirectingLines:
     widths = camera.last_rad[sound] - camera.first_rad[sound]
     kept = sound[np.argsort(-widths, kind="stable")[:most]]
     kept = kept[np.argsort(camera.first_rad[kept], kind="stable")]
-    return replace(
-        camera,
+    return camera._replace(
         first_rad=camera.first_rad[kept],
         centre_rad=camera.centre_rad[kept],
         last_rad=camera.last_rad[kept],

@@ -1,7 +1,6 @@
 """What cameras around a small surface see of discs: the scenes of the tests of crossing."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -86,8 +85,8 @@ def _interval(disc: Disc, x_mm: float, y_mm: float, forward_rad: float) -> tuple
 
 def shadows(directing_lines: DirectingLines, kept: Sequence[int]) -> DirectingLines:
     names = ("first_rad", "centre_rad", "last_rad", "first_valid", "last_valid", "sigma_rad")
-    return replace(
-        directing_lines, **{name: getattr(directing_lines, name)[list(kept)] for name in names}
+    return directing_lines._replace(
+        **{name: getattr(directing_lines, name)[list(kept)] for name in names}
     )
 
 

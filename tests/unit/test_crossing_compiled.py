@@ -1,7 +1,5 @@
 """The compiled crossing finds what the readable one of numpy finds, to the last micrometre."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -46,7 +44,7 @@ def scenes(draw: st.DrawFn) -> tuple[list[DirectingLines], np.random.Generator]:
     seen = bearings_of(discs, cameras, rng if draw(st.booleans()) else None, half_views_rad)
     for number in draw(st.lists(st.integers(0, len(cameras) - 1), max_size=1)):
         first = rng.uniform(-4.0, 4.0)
-        seen[number] = replace(seen[number], view_rad=(first, first + rng.uniform(0.0, 6.5)))
+        seen[number] = seen[number]._replace(view_rad=(first, first + rng.uniform(0.0, 6.5)))
     for number in draw(st.lists(st.integers(0, len(cameras) - 1), max_size=3)):
         damage = draw(st.sampled_from(["lost", "covered", "not a number", "no width"]))
         seen[number] = damaged(seen[number], damage, rng)
@@ -65,7 +63,7 @@ def damaged(camera: DirectingLines, damage: str, rng: np.random.Generator) -> Di
         first_valid[one] = False
     else:
         last_rad[one] = np.nan if damage == "not a number" else camera.first_rad[one]
-    return replace(camera, first_valid=first_valid, last_rad=last_rad)
+    return camera._replace(first_valid=first_valid, last_rad=last_rad)
 
 
 def predictions_near(crossed: Crossed, rng: np.random.Generator) -> Predictions:

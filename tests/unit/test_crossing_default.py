@@ -1,7 +1,6 @@
 """Scenes are discs on a small surface, seen without noise unless a test says otherwise."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -229,7 +228,7 @@ def test_a_finger_reaches_beyond_an_edge_that_is_not_valid() -> None:
         cut = int(np.argmin(np.abs(seen.centre_rad - one_camera(discs[:1], camera).centre_rad)))
         last_rad, last_valid = seen.last_rad.copy(), seen.last_valid.copy()
         last_rad[cut], last_valid[cut] = seen.centre_rad[cut], False
-        directing_lines.append(replace(seen, last_rad=last_rad, last_valid=last_valid))
+        directing_lines.append(seen._replace(last_rad=last_rad, last_valid=last_valid))
     assert_found(crossing()(directing_lines), discs, within_mm=1.0)
 
 
@@ -237,7 +236,7 @@ def test_beyond_an_edge_that_is_not_valid_the_light_still_refuses_ghosts() -> No
     finger, ghost = (120.0, 150.0, 6.0), (200.0, 320.0, 6.0)
     directing_lines = [one_camera([finger], "C1"), *bearings_of([finger, ghost], ("C2", "C3"))]
     assert directing_lines[0].last_rad[0] < one_camera([ghost], "C1").first_rad[0]
-    directing_lines[0] = replace(directing_lines[0], last_valid=np.array([False]))
+    directing_lines[0] = directing_lines[0]._replace(last_valid=np.array([False]))
     sure = [contact for contact in crossing()(directing_lines) if contact.confidence > 0.5]
     assert_found(sure, [finger], within_mm=0.3)
 
@@ -247,8 +246,7 @@ def test_four_edges_that_leave_the_size_open_still_make_a_contact() -> None:
     disc = (177.0, 202.0, 5.0)
     valid = {"C1": (True, False), "C2": (True, False), "C3": (False, True), "C4": (False, True)}
     directing_lines = [
-        replace(
-            one_camera([disc], camera),
+        one_camera([disc], camera)._replace(
             first_valid=np.array([first]),
             last_valid=np.array([last]),
         )
@@ -300,7 +298,7 @@ def test_an_ellipse_is_found_at_its_centre() -> None:
         edges = _tangents_of_ellipse(centre - (x_mm, y_mm), half_axes, turned_rad)
         seen = one_camera([(140.0, 220.0, 6.0)], camera)
         wrapped = seen.centre_rad + (edges - seen.centre_rad + np.pi) % (2 * np.pi) - np.pi
-        directing_lines.append(replace(seen, first_rad=wrapped[:1], last_rad=wrapped[1:]))
+        directing_lines.append(seen._replace(first_rad=wrapped[:1], last_rad=wrapped[1:]))
     (contact,) = crossing()(directing_lines)
     assert (contact.x_mm, contact.y_mm) == pytest.approx(tuple(centre), abs=0.1)
     assert contact.diameter_mm == pytest.approx(12.0, abs=0.4)
@@ -322,8 +320,7 @@ def test_angles_may_be_counted_from_any_turn() -> None:
     discs = random_discs(4, np.random.default_rng(4))
     directing_lines = bearings_of(discs)
     turned = [
-        replace(
-            camera,
+        camera._replace(
             first_rad=camera.first_rad + turns * 2.0 * np.pi,
             centre_rad=camera.centre_rad + turns * 2.0 * np.pi,
             last_rad=camera.last_rad + turns * 2.0 * np.pi,
@@ -361,7 +358,7 @@ def test_contacts_name_the_edges_that_are_theirs_alone() -> None:
     discs = [(90.0, 150.0, 6.0), (240.3, 260.1, 5.5), (150.2, 330.7, 7.1)]
     seen = bearings_of(discs)
     # one shadow is no interval: those behind it keep the numbers that they had
-    seen[0] = replace(seen[0], last_rad=np.append(seen[0].first_rad[:1], seen[0].last_rad[1:]))
+    seen[0] = seen[0]._replace(last_rad=np.append(seen[0].first_rad[:1], seen[0].last_rad[1:]))
     crossed = make_crossing(CrossingSettings(), SURFACE_MM).cross(seen)
     assert crossed.edges.shape == (3, 4, 2)
     assert crossed.own_edges.tolist() == np.count_nonzero(crossed.edges >= 0, axis=(1, 2)).tolist()

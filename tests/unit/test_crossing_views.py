@@ -1,6 +1,5 @@
 """Cameras that see but a part of the surface: elsewhere they tell neither dark nor light."""
 
-from dataclasses import replace
 from math import atanh
 
 import numpy as np
@@ -50,7 +49,7 @@ def seen_by(*cameras: str) -> list[DirectingLines]:
 
 
 def seeing_everything(seen: list[DirectingLines]) -> list[DirectingLines]:
-    return [replace(camera, view_rad=SEES_EVERYTHING) for camera in seen]
+    return [camera._replace(view_rad=SEES_EVERYTHING) for camera in seen]
 
 
 def without_high_up(camera: DirectingLines) -> DirectingLines:
@@ -100,7 +99,7 @@ def test_views_of_more_than_half_a_turn_end_as_well() -> None:
         ({"C5": (40.0, 260.0), "C6": (100.0, 320.0)}, [left]),
     ):
         amid = [
-            replace(one, view_rad=tuple(np.deg2rad(views_deg[one.camera]).tolist()))
+            one._replace(view_rad=tuple(np.deg2rad(views_deg[one.camera]).tolist()))
             for one in bearings_of([left], ("C5", "C6"))
         ]
         places_mm = places(cross([*corners, *amid]))

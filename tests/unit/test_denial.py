@@ -1,7 +1,7 @@
 """Cameras that see nothing but light deny what others make up."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -107,7 +107,7 @@ class TestDarkness:
 
     def test_an_edge_that_is_not_valid_bounds_nothing(self) -> None:
         lines = [
-            replace(one, first_valid=np.array([False]), last_valid=np.array([False]))
+            one._replace(first_valid=np.array([False]), last_valid=np.array([False]))
             for one in self.shadows_of(self.BIG)
         ]
         assert Darkness(lines, []).hides(150.0, 240.0, 6.0, 1.0)
@@ -115,8 +115,7 @@ class TestDarkness:
 
 def test_a_shadow_where_a_camera_has_no_lines_hides_nothing_and_denies_nothing() -> None:
     some = seen_from(C1, (100.0, 120.0, 6.0))
-    none = replace(
-        some,
+    none = some._replace(
         first_rad=np.empty(0),
         centre_rad=np.empty(0),
         last_rad=np.empty(0),
