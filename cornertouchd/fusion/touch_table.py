@@ -153,7 +153,7 @@ def _fit(points: FloatArray, contact: int, room: Room, count: int, edges: int, c
     variance_mm2 = points[contact, XX]
     doubt = RAYS_IN_ONE * max(misfit, 1.0) * (UNCHECKED if edges <= FEWEST_CHECKED else 1.0)
     if _is_near(touch[0] - x, touch[1] - y, variance_mm2):
-        _write_fit(points, contact, SHAPE_FREE, touch, information, 2, doubt, room.column[:6])
+        _write_place(points, contact, SHAPE_FREE, touch, information, doubt, room.column[:6])
     if edges >= MANY_EDGES:
         count = every_second(room.rays, count)
     cost = _fit_capsule(room, count, x, y, radius)
@@ -167,10 +167,16 @@ def _fit(points: FloatArray, contact: int, room: Room, count: int, edges: int, c
         cost = _fit_capsule(room, count, x, y, radius)
     if cost < LARGEST_COST and _is_finger(room.capsule, x, y, variance_mm2):
         points[contact, AT_RADIUS] = room.capsule[RADIUS]
-        information, doubt = room.capsule_information, RAYS_IN_ONE * max(cost, 1.0)
+        factor, doubt_of_capsule = room.capsule_information, RAYS_IN_ONE * max(cost, 1.0)
         if edges == FEWEST_EDGES:
-            doubt *= UNCHECKED
-        _write_fit(points, contact, CAPSULE, room.capsule, information, LEAN_X, doubt, room.column)
+            doubt_of_capsule *= UNCHECKED
+        _write_place(points, contact, CAPSULE, room.capsule, factor, doubt_of_capsule, room.column)
+        if points[contact, METHOD] == CAPSULE:
+            _write_lean(
+                points, contact, room.capsule, factor, LEAN_X, doubt_of_capsule, room.column
+            )
+    if points[contact, METHOD] == SHAPE_FREE:
+        _write_lean(points, contact, touch, information, 2, doubt, room.column[:6])
     return edges
 
 
@@ -206,17 +212,16 @@ def _is_finger(capsule: FloatArray, x_mm: float, y_mm: float, variance_mm2: floa
 
 
 @borrowing
-def _write_fit(
+def _write_place(
     points: FloatArray,
     contact: int,
     method: int,
     terms: FloatArray,
     factor: FloatArray,
-    lean: int,
     doubt: float,
     column: FloatArray,
 ) -> None:
-    """Write a touch, its lean (from term number `lean` on) and their covariances times `doubt`.
+    """Write where a touch is, and its covariance times `doubt`.
 
     Nothing is written if what is there tells as much.  `column` is room for as many terms.
     """
@@ -229,16 +234,32 @@ def _write_fit(
     points[contact, XX], points[contact, XY], points[contact, YY] = xx, xy, yy
     points[contact, AT_X], points[contact, AT_Y] = terms[0], terms[1]
     points[contact, METHOD] = method
-    extra = TIP_LEAN_SIGMA**2 if method == SHAPE_FREE else 0.0
-    write_inverse_column(factor, lean, column)
-    lean_xx, lean_xy = doubt * column[lean] + extra, doubt * column[lean + 1]
-    write_inverse_column(factor, lean + 1, column)
-    lean_yy = doubt * column[lean + 1] + extra
-    _write_lean(points, contact, terms[lean], terms[lean + 1], lean_xx, lean_xy, lean_yy)
 
 
 @borrowing
 def _write_lean(
+    points: FloatArray,
+    contact: int,
+    terms: FloatArray,
+    factor: FloatArray,
+    lean: int,
+    doubt: float,
+    column: FloatArray,
+) -> None:
+    """Write how a touch leans (from term number `lean` on), its covariance times `doubt`.
+
+    `column` is room for as many terms.
+    """
+    extra = TIP_LEAN_SIGMA**2 if points[contact, METHOD] == SHAPE_FREE else 0.0
+    write_inverse_column(factor, lean, column)
+    xx, xy = doubt * column[lean] + extra, doubt * column[lean + 1]
+    write_inverse_column(factor, lean + 1, column)
+    yy = doubt * column[lean + 1] + extra
+    _write_angles(points, contact, terms[lean], terms[lean + 1], xx, xy, yy)
+
+
+@borrowing
+def _write_angles(
     points: FloatArray, contact: int, x: float, y: float, xx: float, xy: float, yy: float
 ) -> None:
     """Turn a slope with its covariance into angles and theirs."""
