@@ -32,6 +32,8 @@ SMALLEST_SINE = 1e-6
 # Where discs fall: any direction that no side of a frame has.
 DOWN = (0.94, 0.34)
 SIDES = 4
+# A column of the table of floors.
+SAVING = 4
 # One shadow says only in which direction something is.
 FEWEST_SHADOWS = 2
 # Ten contacts make about 16 cells, twenty about 65.  The rest of the work grows with the number of
@@ -54,12 +56,15 @@ class DiscBounds(NamedTuple):
 class Wanted(NamedTuple):
     """Which cameras to believe, (C,), and edges (2 S,) of which a cell must have some.
 
-    That is `fewest`, in two cameras at least; with 0, every cell will do.
+    That is `fewest`, in two cameras at least; with 0, every cell will do.  What the shadows of a
+    cell can save together, `savings` (S,) of each, must be no less than `least_saving`.
     """
 
     believed: BoolArray
     edges: BoolArray
     fewest: int
+    savings: FloatArray
+    least_saving: float
 
 
 @borrowing
@@ -115,7 +120,8 @@ def find_cells(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> IntArray:
     eyes, views, shadows, first_shadow = rows.eyes, rows.views, rows.shadows, rows.first_shadow
     lines, valid, believed = rows.lines, rows.valid, wanted.believed
     shape_variance_mm2 = bounds.shape_variance_mm2
-    floors = _floors(rows, believed, bounds)
+    floors = _floors(rows, wanted, bounds)
+    most_saved = _most_saved(wanted, first_shadow)
     count = 0
     cell = np.full(cameras, NO_SHADOW, np.intp)
     order = np.empty(cameras, np.intp)
@@ -124,13 +130,17 @@ def find_cells(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> IntArray:
             asked = _others_first(believed, a, b, order)
             if asked == 0:
                 continue
+            # what a pair of edges must save, if the other cameras save as much as they can
+            least = wanted.least_saving - np.sum(most_saved) + most_saved[a] + most_saved[b]
             for i in range(2 * first_shadow[a], _end(first_shadow, a, len(floors))):
                 ax, ay, ah, slope = floors[i, 0], floors[i, 1], floors[i, 2], floors[i, 3]
-                start = max(2 * first_shadow[b], i + 1)
-                for j in range(start, _end(first_shadow, b, len(floors))):
+                saved = floors[i, SAVING]
+                start, end = max(2 * first_shadow[b], i + 1), _end(first_shadow, b, len(floors))
+                for j in range(start, end if saved + most_saved[b] >= least else start):
                     bx, by, bh = row_of_three(floors, j)
                     sine = ax * by - ay * bx
                     rests = (slope * sine <= 0.0) & (floors[j, 3] * sine >= 0.0)
+                    rests &= saved + floors[j, SAVING] >= least
                     if not rests or abs(sine) <= SMALLEST_SINE:
                         continue
                     x, y = (ah * by - bh * ay) / sine, (ax * bh - bx * ah) / sine
@@ -161,20 +171,22 @@ def find_cells(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> IntArray:
 
 
 @inlined
-def _floors(rows: EdgeRows, believed: BoolArray, bounds: DiscBounds) -> FloatArray:
-    """Return the lines, (., 4), on which the centres of smallest discs come to rest.
+def _floors(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> FloatArray:
+    """Return the lines, (., 5), on which the centres of smallest discs come to rest.
 
-    Normal and offset as in `EdgeRows`, and how steeply the line runs `DOWN`.  Behind the edges come
+    Normal and offset as in `EdgeRows`, how steeply the line runs `DOWN`, and what its shadow can
+    save.  Behind the edges come
     the sides of the surface, then the lines of view of believed cameras that do not see all of it,
     on which discs lie from outside.  At an edge that is not valid lie their centres: nobody knows
     how far they reach beyond it.
     """
-    edges, radius_mm = len(rows.valid), bounds.smallest_radius_mm
-    floors = np.empty((edges + SIDES + 2 * len(believed), 4))
+    edges, radius_mm, believed = len(rows.valid), bounds.smallest_radius_mm, wanted.believed
+    floors = np.zeros((edges + SIDES + 2 * len(believed), 5))
     for edge in range(edges):
         nx, ny, offset = row_of_three(rows.lines, edge)
         offset += radius_mm if rows.valid[edge] else ROUNDING_MM
         _write_floor(floors, edge, nx, ny, offset)
+        floors[edge, SAVING] = wanted.savings[edge // 2]
     _write_floor(floors, edges, 1.0, 0.0, -SURFACE_MARGIN_MM)
     _write_floor(floors, edges + 1, 0.0, 1.0, -SURFACE_MARGIN_MM)
     _write_floor(floors, edges + 2, -1.0, 0.0, -SURFACE_MARGIN_MM - bounds.width_mm)
@@ -194,6 +206,17 @@ def _floors(rows: EdgeRows, believed: BoolArray, bounds: DiscBounds) -> FloatArr
 def _write_floor(floors: FloatArray, row: int, nx: float, ny: float, offset: float) -> None:
     floors[row, 0], floors[row, 1], floors[row, 2] = nx, ny, offset
     floors[row, 3] = DOWN[0] * ny - DOWN[1] * nx
+
+
+@inlined
+def _most_saved(wanted: Wanted, first_shadow: IntArray) -> FloatArray:
+    """Return the most that a shadow of each camera can save, (C + 1,); the last stands for none."""
+    most_saved = np.zeros(len(first_shadow))
+    for camera in range(len(first_shadow) - 1):
+        for shadow in range(first_shadow[camera], first_shadow[camera + 1]):
+            if wanted.believed[camera]:
+                most_saved[camera] = max(most_saved[camera], wanted.savings[shadow])
+    return most_saved
 
 
 @borrowing
@@ -224,6 +247,12 @@ def _others_first(believed: BoolArray, a: int, b: int, order: IntArray) -> int:
 
 @borrowing
 def _is_wanted(wanted: Wanted, cell: IntArray) -> bool:
+    saving = 0.0
+    for shadow in cell:
+        if shadow != NO_SHADOW:
+            saving += wanted.savings[shadow]
+    if saving < wanted.least_saving:
+        return False
     if wanted.fewest == 0:
         return True
     edges = cameras = 0

@@ -89,7 +89,7 @@ def costs_of(pool: Pool, count: int, rows: EdgeRows, edge_sigma_px: float) -> Co
     """Weigh the first `count` discs.  `edge_sigma_px` tells how wide a pixel is in `rows`."""
     cameras = len(rows.eyes)
     no_edge = len(rows.valid)
-    first_piece = _first_pieces(rows, edge_sigma_px)
+    first_piece = first_pieces(rows, edge_sigma_px)
     piece_count = first_piece[len(first_piece) - 1]
     costs = Costs(
         pool.own[:count].copy(),
@@ -112,7 +112,7 @@ def costs_of(pool: Pool, count: int, rows: EdgeRows, edge_sigma_px: float) -> Co
             if shadow != NO_SHADOW:
                 costs.edges[disc, row] = 2 * shadow + row % 2
         for camera in range(cameras):
-            _cover(costs.covers, pool.discs, disc, rows, camera, first_piece, edge_sigma_px)
+            cover(costs.covers, pool.discs, disc, rows, camera, first_piece, edge_sigma_px)
         pieces = count_common(costs.covers, disc, costs.covers, disc)
         saved = saved_by_edges(costs.edges, costs.edge_costs, disc, untouched)
         costs.savings[disc] = saved + COST_OF_A_DARK_PIECE * pieces - costs.own[disc]
@@ -163,7 +163,7 @@ def _mark_conflicts(conflicts: WordArray, same: WordArray, discs: FloatArray, co
 
 
 @inlined
-def _first_pieces(rows: EdgeRows, edge_sigma_px: float) -> IntArray:
+def first_pieces(rows: EdgeRows, edge_sigma_px: float) -> IntArray:
     """Cut the shadows into pieces of `PIECE_PX`; number those before each shadow, (S + 1,).
 
     A shadow without a valid edge fills all that its camera can see of some place: it says that
@@ -181,7 +181,7 @@ def _first_pieces(rows: EdgeRows, edge_sigma_px: float) -> IntArray:
 
 
 @borrowing
-def _cover(
+def cover(
     covers: WordArray,
     discs: FloatArray,
     disc: int,

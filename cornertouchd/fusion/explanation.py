@@ -24,6 +24,7 @@ from cornertouchd.fusion.pool import (
 )
 from cornertouchd.fusion.predicted import COST_OF_A_MISSED_SHADOW, PredictedDiscs, add_predicted
 from cornertouchd.fusion.refinement import RefinedDiscs, refine
+from cornertouchd.fusion.remaining import LEAST_SAVING, remaining_costs
 from cornertouchd.fusion.rescue import (
     FEWEST_EDGES,
     cameras_to_believe,
@@ -163,20 +164,25 @@ def explain(
     )
     pool = empty_pool(MOST_CANDIDATES, len(seeing))
     unexplained, count = rows.valid, 0
+    nothing = np.zeros(len(rows.shadows))
     for stage in (FINGERS, PENS, MISSED):
         if stage == PENS and smallest_radius_mm >= smallest_finger_mm:
             continue
         if stage == MISSED:
             camera_sets = cameras_to_believe(len(seeing))
             for number in range(len(camera_sets)):  # so that all rows are known to be contiguous
-                wanted = Wanted(camera_sets[number], unexplained, FEWEST_EDGES)
+                wanted = Wanted(camera_sets[number], unexplained, FEWEST_EDGES, nothing, 0.0)
                 price = cost + COST_OF_A_MISSED_SHADOW
                 count = _search(rows, wanted, everything, pool, count, price)
         else:
-            wanted = Wanted(np.full(len(seeing), True), unexplained, 0)
             bounds = fingers if stage == FINGERS else everything
             # touches that are followed find room even when broken strips fill the pool
             count = add_predicted(rows, predicted, everything, pool, 0)
+            savings, least_saving = nothing, 0.0
+            if stage == FINGERS and count > 0:
+                savings = remaining_costs(rows, pool, count, edge_sigma_px)
+                least_saving = LEAST_SAVING
+            wanted = Wanted(np.full(len(seeing), True), unexplained, 0, savings, least_saving)
             count = _search(rows, wanted, bounds, pool, count, cost)
         costs = costs_of(pool, count, rows, edge_sigma_px)
         explanation = cheapest_explanation(costs)

@@ -23,6 +23,7 @@ from oracle.cells import find_cells
 from oracle.edge_rows import edge_rows
 from oracle.predicted import predicted_candidates
 from oracle.refinement import RefinedDiscs, refine
+from oracle.remaining import cells_worth_searching
 from oracle.rescue import is_needed, missed_candidates
 from oracle.selection import cheapest_explanation, costs_of
 
@@ -59,8 +60,11 @@ class OracleCrossing:
                 candidates = joined([candidates, *(dearer(one, price) for one in missed)])
             else:
                 limits = _of_fingers(self.limits) if stage == "fingers" else self.limits
-                found = find_candidates(rows, find_cells(rows, limits), limits)
+                cells = find_cells(rows, limits)
                 predicted = predicted_candidates(rows, followed, self.limits)
+                if stage == "fingers" and predicted:
+                    cells = cells_worth_searching(cells, rows, predicted, self.edge_sigma_px)
+                found = find_candidates(rows, cells, limits)
                 candidates = joined([*predicted, dearer(found, cost)])
             explanation = cheapest_explanation(costs_of(candidates, rows, self.edge_sigma_px))
             unexplained = explanation.unexplained & rows.valid.ravel()

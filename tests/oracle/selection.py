@@ -74,7 +74,7 @@ def costs_of(candidates: Candidates, rows: EdgeRows, edge_sigma_px: float) -> Co
         own=candidates.own,
         edges=candidates.rows.edges,
         edge_costs=edge_costs(candidates),
-        covers=_pieces_covered(discs, rows, edge_sigma_px),
+        covers=pieces_covered(discs, rows, edge_sigma_px),
         conflicts=apart_mm < SMALLEST_SHARE_OF_RADII * (discs[:, None, 2] + discs[None, :, 2]),
         same=apart_mm < SAME_CONTACT_MM,
         edge_count=rows.edge_count,
@@ -200,8 +200,8 @@ def _saved_by_edges(costs: Costs, edge_costs: FloatArray) -> FloatArray:
     return saved
 
 
-def _pieces_covered(discs: FloatArray, rows: EdgeRows, edge_sigma_px: float) -> BoolArray:
-    """Cut the shadows into pieces of `PIECE_PX`; tell which disc darkens which, (K, B).
+def shadows_of_pieces(rows: EdgeRows, edge_sigma_px: float) -> IntArray:
+    """Cut the shadows into pieces of `PIECE_PX`; return the shadow of each, (B,).
 
     A shadow without a valid edge fills all that its camera can see of some place: it says that
     something is there, but its pieces are no measure of how much.
@@ -212,9 +212,17 @@ def _pieces_covered(discs: FloatArray, rows: EdgeRows, edge_sigma_px: float) -> 
         (widths / (PIECE_PX * rad_per_px)).astype(np.intp) - 1, 1, MOST_PIECES_PER_SHADOW
     )
     pieces[~rows.valid.any(axis=1)] = 0
-    shadow = np.repeat(np.arange(len(pieces)), pieces)
+    return np.repeat(np.arange(len(pieces)), pieces)
+
+
+def pieces_covered(discs: FloatArray, rows: EdgeRows, edge_sigma_px: float) -> BoolArray:
+    """Tell which disc darkens which piece, (K, B)."""
+    rad_per_px = rows.sigma_rad / edge_sigma_px
+    shadow = shadows_of_pieces(rows, edge_sigma_px)
+    pieces = np.bincount(shadow, minlength=len(rad_per_px))
     number = np.arange(len(shadow)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    middles = rows.bounds_rad[shadow, 0] + (number + 0.5) * (widths / np.maximum(pieces, 1))[shadow]
+    widths = (rows.bounds_rad[:, 1] - rows.bounds_rad[:, 0]) / np.maximum(pieces, 1)
+    middles = rows.bounds_rad[shadow, 0] + (number + 0.5) * widths[shadow]
     camera = rows.camera_of_shadow[shadow]
     angles, distances = angles_and_distances(discs[:, :2], rows.positions_mm)
     half_angles = half_angles_of_discs(discs[:, 2:], distances)

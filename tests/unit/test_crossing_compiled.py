@@ -127,6 +127,18 @@ def test_they_agree_about_crowds(count: int) -> None:
         assert_same(seen, FINGERS_ONLY)
 
 
+@pytest.mark.parametrize("count", [6, 12, 20])
+def test_they_agree_about_what_is_new_among_touches_that_are_sure(count: int) -> None:
+    rng = np.random.default_rng(count)
+    for new in range(4):
+        discs = random_discs(count, rng, apart_mm=16.0)
+        known = np.array(discs[new:])
+        known[:, :2] += rng.normal(0.0, 0.2, (len(known), 2))
+        spread, costs = np.full(len(known), 0.1), rng.uniform(0.0, 0.5, len(known))
+        seen = bearings_of(discs, rng=rng)
+        assert_same(seen, FINGERS_ONLY, Predictions(known, spread, spread, costs))
+
+
 @pytest.mark.parametrize("count", [3, 8])
 def test_they_agree_about_cameras_that_see_a_part_of_the_surface(count: int) -> None:
     rng = np.random.default_rng(count)

@@ -138,3 +138,23 @@ def test_a_thin_pen_is_followed() -> None:
     method = make_crossing(CrossingSettings(smallest_radius_mm=1.5), SURFACE_MM)
     crossed = method.cross(bearings_of([pen, finger]), expected([pen, finger]))
     assert sorted(crossed.predictions) == [0, 1]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_finger_that_lands_among_many_that_are_sure_is_found_at_once(seed: int) -> None:
+    discs = random_discs(9, np.random.default_rng(seed), apart_mm=30.0)
+    seen = bearings_of(discs)
+    crossed = cross(seen, expected(discs[1:]))
+    assert sorted(crossed.predictions) == [-1, *range(8)]
+    (new,) = (
+        contact
+        for contact, number in zip(crossed.contacts, crossed.predictions, strict=True)
+        if number < 0
+    )
+    assert np.hypot(new.x_mm - discs[0][0], new.y_mm - discs[0][1]) < 0.5
+
+
+def test_a_finger_that_lands_right_beside_one_that_is_sure_is_found_at_once() -> None:
+    discs = [(150.0, 180.0, 5.0), (162.0, 180.0, 5.0), (260.0, 300.0, 6.0)]
+    crossed = cross(bearings_of(discs), expected([discs[0], discs[2]]))
+    assert sorted(crossed.predictions) == [-1, 0, 1]
