@@ -38,8 +38,7 @@ class Crossed:
     the shadow edges that are its alone.  `predictions` (N,) is the number of the prediction that it
     continues, -1 for a contact found without one.  `edges` (N, C, 2) names the shadow of each
     camera, in the order of the lines that were crossed, whose first and last edge is the contact's
-    alone, -1 for none; C is 0 if nobody knows.  `measured` (N, 5) repeats what is measured of each
-    contact as numbers: x, y, the diameter, the confidence, and the sigma of the position.
+    alone, -1 for none; C is 0 if nobody knows.
     """
 
     contacts: tuple[Contact, ...]
@@ -47,7 +46,6 @@ class Crossed:
     own_edges: IntArray
     predictions: IntArray
     edges: IntArray
-    measured: FloatArray
 
     def take(self, kept: Sequence[int]) -> "Crossed":
         """Return what belongs to these contacts."""
@@ -58,7 +56,6 @@ class Crossed:
             self.own_edges[index],
             self.predictions[index],
             self.edges[index],
-            self.measured[index],
         )
 
     @staticmethod
@@ -76,13 +73,4 @@ class Crossed:
             np.array([2 * len(c.cameras) for c in contacts], np.intp),
             np.full(count, -1, np.intp),
             np.empty((count, 0, 2), np.intp),
-            measured_of(contacts),
         )
-
-
-def measured_of(contacts: Sequence[Contact]) -> FloatArray:
-    """Return `Crossed.measured` of contacts that come without it."""
-    measured = np.empty((len(contacts), 5))
-    for number, one in enumerate(contacts):
-        measured[number] = one.x_mm, one.y_mm, one.diameter_mm, one.confidence, one.sigma_mm
-    return measured

@@ -66,7 +66,7 @@ class EdgeCrossing:
                 measured.tolist(), cameras.tolist(), strict=True
             )
         )
-        return Crossed(contacts, supports, own_edges, predicted, edges, measured)
+        return Crossed(contacts, supports, own_edges, predicted, edges)
 
 
 @lru_cache(maxsize=256)

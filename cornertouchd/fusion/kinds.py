@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from cornertouchd.config import CrossingSettings
-from cornertouchd.fusion.crossed import Crossed, measured_of
+from cornertouchd.fusion.crossed import Crossed
 from cornertouchd.fusion.sections import Section, find_section, shadow_at
 from cornertouchd.model import Contact, DirectingLines
 
@@ -271,5 +271,4 @@ def _joined(
         own_edges=np.array([crossed.own_edges[group].sum() for group in members], np.intp),
         predictions=np.array([(of_group or [-1])[0] for of_group in continued], np.intp),
         edges=edges,
-        measured=measured_of(told),
     )

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cornertouchd.fusion.costs import COST_OF_A_DISC, COST_OF_A_NEW_DISC
-from cornertouchd.fusion.crossed import Crossed, Predictions, measured_of
+from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.edge_crossing import NO_PREDICTIONS
 from cornertouchd.fusion.explanation import MARGIN_SCALE
 from cornertouchd.fusion.limits import DiscLimits
@@ -75,14 +75,12 @@ class OracleCrossing:
         contacts = self._contacts(refined, explanation.margins, rows.cameras)
         supports = explanation.margins + chosen.own
         believed = (explanation.margins >= LEAST_MARGIN) | (chosen.prediction >= 0)
-        told = tuple(contacts[number] for number in np.flatnonzero(believed))
         return Crossed(
-            told,
+            tuple(contacts[number] for number in np.flatnonzero(believed)),
             supports[believed],
             np.count_nonzero(refined.owned, axis=1)[believed],
             chosen.prediction[believed],
-            np.empty((len(told), 0, 2), np.intp),
-            measured_of(told),
+            np.empty((int(np.count_nonzero(believed)), 0, 2), np.intp),
         )
 
     def _contacts(

@@ -19,7 +19,6 @@ from oracle.sight import (
 from scipy.optimize import linear_sum_assignment
 
 from cornertouchd.config import CrossingSettings
-from cornertouchd.fusion.crossed import measured_of
 from cornertouchd.fusion.crossing import make_crossing
 from cornertouchd.fusion.edge_crossing import EdgeCrossing
 from cornertouchd.geometry import wrap_angle
@@ -370,15 +369,3 @@ def test_contacts_name_the_edges_that_are_theirs_alone() -> None:
                 assert 0.0 < wrap_angle(towards - camera.first_rad[first]) < 0.12
             if last >= 0:
                 assert 0.0 < wrap_angle(camera.last_rad[last] - towards) < 0.12
-
-
-@pytest.mark.parametrize("method", ["default", "paper"])
-def test_the_table_of_what_is_measured_says_the_same_as_the_contacts(method: str) -> None:
-    settings = CrossingSettings.model_validate({"method": method})
-    lines = bearings_of([(90.0, 150.0, 6.0), (240.3, 260.1, 5.5), (150.2, 330.7, 7.1)])
-    crossed = make_crossing(settings, SURFACE_MM).cross(lines)
-    assert len(crossed.contacts) >= 3
-    assert crossed.measured.tolist() == measured_of(crossed.contacts).tolist()
-    last = crossed.take([len(crossed.contacts) - 1])
-    assert last.measured.tolist() == measured_of(crossed.contacts[-1:]).tolist()
-    assert make_crossing(settings, SURFACE_MM).cross([]).measured.shape == (0, 5)

@@ -8,7 +8,7 @@ import pytest
 from seen_discs import SURFACE_MM, TABLES, Disc, frame_set, surface_pipeline
 
 from cornertouchd.config import CrossingSettings, Settings
-from cornertouchd.fusion.crossed import Crossed, measured_of
+from cornertouchd.fusion.crossed import Crossed
 from cornertouchd.fusion.kinds import KindsOfContacts
 from cornertouchd.fusion.sections import Section, find_section
 from cornertouchd.model import Contact, DirectingLines
@@ -198,7 +198,6 @@ class TestJoining:
             own_edges=np.array([2, 8, 3, 1]),
             predictions=np.array([4, 7, -1, 2]),
             edges=np.zeros((4, 4, 2), np.intp),
-            measured=measured_of(parts),
         )
         told = KindsOfContacts(CrossingSettings(), SURFACE_MM).tell(crossed, lines)
         assert [contact.kind for contact in told.contacts] == ["palm", "finger"]
@@ -208,7 +207,6 @@ class TestJoining:
         assert told.supports.tolist() == [20.5, 20.0]
         assert told.own_edges.tolist() == [6, 8]
         assert told.predictions.tolist() == [4, 7]
-        assert told.measured.tolist() == measured_of(told.contacts).tolist()
 
 
 class TestSections:

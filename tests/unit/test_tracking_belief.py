@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cornertouchd.config import CrossingSettings, TrackingSettings
-from cornertouchd.fusion.crossed import Crossed, Predictions, measured_of
+from cornertouchd.fusion.crossed import Crossed, Predictions
 from cornertouchd.fusion.crossing import make_crossing
 from cornertouchd.fusion.tracking import Tracker
 from cornertouchd.model import Contact, DirectingLines, Touch
@@ -40,7 +40,6 @@ def crossed(
         np.full(count, own_edges, np.intp),
         np.array(continues, np.intp),
         np.empty((count, 0, 2), np.intp),
-        measured_of(contacts),
     )
 
 
@@ -473,14 +472,15 @@ def test_whatever_a_crossing_says_touches_come_from_contacts_and_stay_sound(
                 max_size=4,
             )
         )
-        kinds = st.sampled_from(["finger", "palm", "pen"])
         told = Crossed(
-            tuple(contact._replace(kind=data.draw(kinds)) for contact in contacts),
+            tuple(
+                contact._replace(kind=data.draw(st.sampled_from(["finger", "palm", "pen"])))
+                for contact in contacts
+            ),
             np.array([data.draw(st.floats(-5.0, 40.0) | st.just(math.nan)) for _ in contacts]),
             np.array([data.draw(st.integers(0, 8)) for _ in contacts], np.intp),
             np.array([data.draw(st.integers(-1, predicted)) for _ in contacts], np.intp),
             np.empty((len(contacts), 0, 2), np.intp),
-            measured_of(contacts),
         )
         touches = tracker.update(now_s, told)
         counts = [*counts[-2:], len(contacts)]
