@@ -29,7 +29,7 @@ def show(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("show")
     paint_show(folder)
     yield folder
-    for loop in folder.glob("*.npy"):  # large, and of no use to whoever looks at a failure
+    for loop in folder.glob("*.np[yz]"):  # large, and of no use to whoever looks at a failure
         loop.unlink()
 
 

@@ -16,7 +16,7 @@ class PictureLoop:
     def __init__(self, path: Path) -> None:
         self._pictures = np.load(path, mmap_mode="r")
         self._first, self._count = 0, len(self._pictures)
-        self._packed: dict[int, bytes] = {}
+        self._packed = _unpacked_jpegs(path)
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -33,9 +33,7 @@ class PictureLoop:
         if form != "MJPG":
             return PACKERS[form](self.picture(number))
         place = self._place(number)
-        if place not in self._packed:  # to compress them takes a slow guest too long
-            self._packed[place] = packed_mjpg(self.picture(number))
-        return self._packed[place]
+        return self._packed[place] if self._packed else packed_mjpg(self.picture(number))
 
     def _place(self, number: int) -> int:
         return self._first + number % self._count
@@ -43,6 +41,25 @@ class PictureLoop:
     def show_only(self, first: int, count: int) -> None:
         """Let these pictures be the loop."""
         self._first, self._count = first, count
+
+
+def save_jpegs(path: Path) -> None:
+    """Compress the pictures of a .npy file ahead of time: it would take a slow guest too long."""
+    jpegs = [packed_mjpg(picture) for picture in np.load(path, mmap_mode="r")]
+    np.savez(
+        path.with_suffix(".npz"),
+        ends=np.cumsum([len(one) for one in jpegs]),
+        data=np.frombuffer(b"".join(jpegs), np.uint8),
+    )
+
+
+def _unpacked_jpegs(path: Path) -> list[bytes]:
+    """Return what `save_jpegs` saved; nothing if it did not."""
+    saved = path.with_suffix(".npz")
+    if not saved.exists():
+        return []
+    with np.load(saved) as jpegs:
+        return [one.tobytes() for one in np.split(jpegs["data"], jpegs["ends"][:-1])]
 
 
 def noise(shape: tuple[int, ...], number: int) -> Picture:

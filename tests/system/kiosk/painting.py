@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from uvc.descriptors import PRODUCT, VENDOR
+from uvc.pictures import save_jpegs
 from uvc.rig import serial
 from uvc.show import (
     CAMERAS,
@@ -45,6 +46,8 @@ def paint_show(folder: Path) -> Show:
     times_s = [number / RATE_HZ for number in range(round(LOOP_S * RATE_HZ))]
     show = Show(folder, tuple(fingers_at(time_s) for time_s in times_s))
     _paint(rig, show.places_mm, show)
+    for pictures in show.pictures.values():
+        save_jpegs(pictures)
     show.save()
     save_calibration(_as_usb_cameras(calibrate_rig(rig, Settings())), show.calibration)
     return show
