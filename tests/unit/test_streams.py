@@ -505,8 +505,9 @@ def test_a_server_that_is_not_there_yet_is_told_all_when_it_comes(rig: Rig) -> N
             assert told(connection.recv(65536)[4:]) == ([500], 1000)
             rig.send(1, 2)
             assert told(connection.recv(65536)[4:]) == ([500, 501], 1001)
-        rig.wait_until(lambda: rig.status[0].clients == 0)
-        assert rig.status[0].fault == "the other side has closed the connection"
+        closed = "the other side has closed the connection"
+        rig.wait_until(lambda: rig.status[0].fault == closed)
+        assert rig.status[0].clients == 0
         rig.wait_until(lambda: rig.status[0].clients == 1, passing_s=1.0)
         again, _ = server.accept()
         with again:
