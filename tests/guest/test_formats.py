@@ -11,6 +11,7 @@ from uvc.rig import UvcRig
 from uvc.show import CAMERAS, LOOP_S, RATE_HZ, Show
 
 DAMAGED_S = 2.0
+MOST_LOOPS = 8
 CALM_HZ = RATE_HZ / 2
 """Pictures of twice the bytes, or that are to be decoded, keep a slow guest busy."""
 
@@ -42,13 +43,18 @@ def daemon(
 def test_touches_arrive_where_fingers_are(
     show: Show, rig: UvcRig, client: TuioClient, daemon: RunningDaemon
 ) -> None:
-    began_s = time.monotonic()
-    time.sleep(LOOP_S)
-    seen = compare(client, show, rig, (began_s, began_s + LOOP_S), near_mm=1.0)
-    print(f"\n{seen}")
-    assert not seen.wrong
+    """What is shown is right from the beginning; a slow guest may take a while to show all."""
+    for _ in range(MOST_LOOPS):
+        began_s = time.monotonic()
+        time.sleep(LOOP_S)
+        seen = compare(client, show, rig, (began_s, began_s + LOOP_S), near_mm=1.0)
+        print(f"\n{seen}")
+        assert not seen.wrong
+        if seen.missing_s < seen.down_s / 5:
+            break
+    else:
+        pytest.fail("a fifth of all touches was missing, loop after loop")
     assert seen.error_mm(0.5) < 0.3
-    assert seen.missing_s < seen.down_s / 3  # a busy machine drops whole frame sets
 
 
 @pytest.mark.parametrize("cameras", [("C2",), CAMERAS], ids=["C2", "all"])
