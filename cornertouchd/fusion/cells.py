@@ -175,10 +175,9 @@ def _floors(rows: EdgeRows, wanted: Wanted, bounds: DiscBounds) -> FloatArray:
     """Return the lines, (., 5), on which the centres of smallest discs come to rest.
 
     Normal and offset as in `EdgeRows`, how steeply the line runs `DOWN`, and what its shadow can
-    save.  Behind the edges come
-    the sides of the surface, then the lines of view of believed cameras that do not see all of it,
-    on which discs lie from outside.  At an edge that is not valid lie their centres: nobody knows
-    how far they reach beyond it.
+    save.  Behind the edges come the sides of the surface, then the lines of view of believed
+    cameras that do not see all of it, on which discs lie from outside.  At an edge that is not
+    valid lie their centres: nobody knows how far they reach beyond it.
     """
     edges, radius_mm, believed = len(rows.valid), bounds.smallest_radius_mm, wanted.believed
     floors = np.zeros((edges + SIDES + 2 * len(believed), 5))

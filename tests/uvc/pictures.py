@@ -30,10 +30,9 @@ class PictureLoop:
 
     def packed(self, number: int, form: str) -> bytes:
         """Return a picture of the loop as this format has it."""
-        if form != "MJPG":
-            return PACKERS[form](self.picture(number))
-        place = self._place(number)
-        return self._packed[place] if self._packed else packed_mjpg(self.picture(number))
+        if form == "MJPG" and self._packed:
+            return self._packed[self._place(number)]
+        return PACKERS[form](self.picture(number))
 
     def _place(self, number: int) -> int:
         return self._first + number % self._count
